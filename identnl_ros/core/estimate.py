@@ -1,0 +1,94 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What an identification returns: parameters with covariance, status and remarks."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class EstimateStatus(Enum):
+    """
+    How far an estimate may be trusted.
+
+    The order of members is that of the STATUS_ constants of ParameterEstimate.msg.
+
+    """
+
+    UNKNOWN = 'unknown'
+    OK = 'ok'
+    NOT_IDENTIFIABLE = 'not_identifiable'
+    NOISE_LIMITED = 'noise_limited'
+    MODEL_IN_DOUBT = 'model_in_doubt'
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """
+    Estimate of one parameter.
+
+    Parameters
+    ----------
+    name : str
+        E.g. ``slideway_6.normal_stiffness``.
+    symbol : str
+        Symbol of the literature, e.g. ``a_n``.
+    unit : str
+        SI unit of `value`.
+    value : float
+        NaN when the data do not determine it.
+    standard_deviation : float
+        In `unit`; NaN when the data do not determine it.
+    status : EstimateStatus
+    note : str
+        For people: why the status is not OK.
+
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    value: float
+    standard_deviation: float
+    status: EstimateStatus
+    note: str = ''
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """
+    Estimates of all unknown parameters of a machine.
+
+    Parameters
+    ----------
+    estimator : str
+        Name of the method.
+    parameters : tuple of ParameterEstimate
+    covariance : ndarray, shape (n_parameters, n_parameters)
+        SI units; rows and columns of parameters without a value are NaN.
+    samples : int
+        Instants used.
+    rejected_samples : int
+        Instants left out: no valid measurement, borders of gaps.
+    residual : float
+        Norm of the residual over the norm of the known side of the regression [-].
+    condition_number : float
+        Of the column-scaled regression [-].
+    combinations : tuple of str
+        What is determined where single parameters are not.
+    notes : tuple of str
+        Remarks that bear on trust, in sentences.
+
+    """
+
+    estimator: str
+    parameters: tuple[ParameterEstimate, ...]
+    covariance: NDArray[np.float64]
+    samples: int
+    rejected_samples: int
+    residual: float
+    condition_number: float
+    combinations: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()

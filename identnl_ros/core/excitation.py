@@ -1,0 +1,238 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Force signals of exciters, as functions of time."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from identnl_ros.core.errors import DataError
+
+# Instants evaluated together by the addition theorem.
+GRID_CHUNK = 256
+
+
+class Signal(Protocol):
+    """A force over time; zero before the start."""
+
+    def on_grid(self, start: float, step: float, count: int) -> NDArray[np.float64]:
+        """
+        Evaluate at equally spaced instants.
+
+        Parameters
+        ----------
+        start : float
+            First instant [s].
+        step : float
+            [s].
+        count : int
+
+        Returns
+        -------
+        ndarray, shape (count,)
+            [N].
+
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """
+    Sum of sines: a single sine or a multisine.
+
+    Parameters
+    ----------
+    amplitudes : ndarray, shape (n_lines,)
+        [N].
+    frequencies : ndarray, shape (n_lines,)
+        [Hz].
+    phases : ndarray, shape (n_lines,)
+        Of the sine at time zero [rad].
+
+    """
+
+    amplitudes: NDArray[np.float64]
+    frequencies: NDArray[np.float64]
+    phases: NDArray[np.float64]
+
+    def on_grid(self, start: float, step: float, count: int) -> NDArray[np.float64]:
+        """Evaluate at equally spaced instants (see `Signal`)."""
+        # sin(coarse + fine) = sin coarse cos fine + cos coarse sin fine: two small tables and
+        # a matrix product instead of a sine for every line and instant.
+        coarse = start + step * GRID_CHUNK * np.arange(-(-count // GRID_CHUNK))
+        angle = np.outer(coarse, 2 * np.pi * self.frequencies) + self.phases
+        left = np.hstack((self.amplitudes * np.sin(angle), self.amplitudes * np.cos(angle)))
+        return (left @ self._fine_table(step)).ravel()[:count]
+
+    def _fine_table(self, step: float) -> NDArray[np.float64]:
+        if step not in self._fine_tables:
+            angle = np.outer(2 * np.pi * self.frequencies, step * np.arange(GRID_CHUNK))
+            self._fine_tables[step] = np.vstack((np.cos(angle), np.sin(angle)))
+        return self._fine_tables[step]
+
+    @cached_property
+    def _fine_tables(self) -> dict[float, NDArray[np.float64]]:
+        return {}
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """
+    Sine whose frequency rises linearly, again and again.
+
+    Parameters
+    ----------
+    amplitude : float
+        [N].
+    band : tuple of float
+        First and last frequency [Hz].
+    duration : float
+        Of one sweep [s].
+
+    """
+
+    amplitude: float
+    band: tuple[float, float]
+    duration: float
+
+    def on_grid(self, start: float, step: float, count: int) -> NDArray[np.float64]:
+        """Evaluate at equally spaced instants (see `Signal`)."""
+        time = np.mod(start + step * np.arange(count), self.duration)
+        low, high = self.band
+        cycles = low * time + (high - low) * time**2 / (2 * self.duration)
+        return self.amplitude * np.sin(2 * np.pi * cycles)
+
+
+@dataclass(frozen=True)
+class Impulses:
+    """
+    Half-sine pulses, as of a hammer.
+
+    Parameters
+    ----------
+    amplitude : float
+        Peak [N].
+    width : float
+        Contact time of one blow [s].
+    interval : float
+        Between blows [s]; the first starts at half a contact time.
+
+    """
+
+    amplitude: float
+    width: float
+    interval: float
+
+    def on_grid(self, start: float, step: float, count: int) -> NDArray[np.float64]:
+        """Evaluate at equally spaced instants (see `Signal`)."""
+        time = np.mod(start + step * np.arange(count) - self.width / 2, self.interval)
+        pulse = np.sin(np.pi * time / self.width)
+        return np.where(time < self.width, self.amplitude * pulse, 0.0)
+
+
+@dataclass(frozen=True)
+class RecordedForce:
+    """
+    A measured force, interpolated by a cubic spline; zero outside the record.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,)
+        [N].
+    sample_rate : float
+        [Hz].
+
+    Raises
+    ------
+    DataError
+        If the record is too short or not finite.
+
+    """
+
+    samples: NDArray[np.float64]
+    sample_rate: float
+
+    def __post_init__(self) -> None:
+        """Check the record."""
+        if self.samples.size < 4 or not np.all(np.isfinite(self.samples)):
+            raise DataError('recorded force: expected at least four finite samples')
+
+    def on_grid(self, start: float, step: float, count: int) -> NDArray[np.float64]:
+        """Evaluate at equally spaced instants (see `Signal`)."""
+        time = start + step * np.arange(count)
+        inside = time <= (self.samples.size - 1) / self.sample_rate
+        return np.where(inside, self._spline(time), 0.0)
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        return CubicSpline(np.arange(self.samples.size) / self.sample_rate, self.samples)
+
+
+def sine(amplitude: float, frequency: float) -> Harmonics:
+    """
+    Single sine, zero at time zero.
+
+    Parameters
+    ----------
+    amplitude : float
+        [N].
+    frequency : float
+        [Hz].
+
+    Returns
+    -------
+    Harmonics
+
+    """
+    return Harmonics(np.array([amplitude]), np.array([frequency]), np.zeros(1))
+
+
+def multisine(
+    amplitude: float,
+    band: tuple[float, float],
+    period: float,
+    generator: np.random.Generator,
+) -> Harmonics:
+    """
+    Random-phase multisine: equal lines at all multiples of 1 / period in a band.
+
+    Parameters
+    ----------
+    amplitude : float
+        The multisine has the root mean square of a sine of this amplitude [N].
+    band : tuple of float
+        Lowest and highest frequency [Hz].
+    period : float
+        After which it repeats [s].
+    generator : numpy.random.Generator
+        For the phases.
+
+    Returns
+    -------
+    Harmonics
+
+    Raises
+    ------
+    DataError
+        If no line falls into the band.
+
+    """
+    lines = np.arange(
+        np.ceil(band[0] * period * (1 - 1e-12)), np.floor(band[1] * period * (1 + 1e-12)) + 1
+    )
+    lines = lines[lines > 0]
+    if lines.size == 0:
+        raise DataError(
+            f'multisine: no multiple of {1 / period:g} Hz lies between {band[0]:g} and '
+            f'{band[1]:g} Hz; widen the band or lengthen the period'
+        )
+    return Harmonics(
+        np.full(lines.size, amplitude / np.sqrt(lines.size)),
+        lines / period,
+        generator.uniform(0, 2 * np.pi, lines.size),
+    )

@@ -1,0 +1,259 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Sensor blocks to body motion, streaming: the paper's step II."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identnl_ros.core.blocks import MotionBlock, SampleBlock, stamp_after
+from identnl_ros.core.continuity import Arrival, StreamFollower
+from identnl_ros.core.errors import DataError, LayoutError
+from identnl_ros.core.layout import Layout, SensorKind
+from identnl_ros.core.model import Model
+from identnl_ros.core.observation import Observation, observe_force, observe_motion
+from identnl_ros.core.stencils import stencil
+
+# Differences over 17 samples: exact to 1e-9 up to a tenth of the sample rate.
+HALF_WIDTH = 8
+
+
+@dataclass
+class TransformCounts:
+    """What happened to the blocks so far."""
+
+    blocks: int = 0
+    samples_without_reading: dict[str, int] = field(default_factory=dict)
+
+
+class MotionTransform:
+    """
+    Map sample blocks to displacement, velocity, acceleration and force of the bodies.
+
+    Known sensor delays are taken out by interpolation. Velocity and acceleration come from the
+    sensors of these kinds; what those cannot see is the first or second derivative of the
+    displacement. Samples near the ends of an uninterrupted run for which there is no
+    interpolation or derivative are not given out.
+
+    Parameters
+    ----------
+    model : Model
+    layout : Layout
+    sample_rate : float
+        [Hz].
+
+    Raises
+    ------
+    LayoutError
+        If the sensors do not fit the machine or do not see every coordinate.
+
+    """
+
+    def __init__(self, model: Model, layout: Layout, sample_rate: float) -> None:
+        self._model = model
+        self._layout = layout
+        self._rate = sample_rate
+        self._aligners = [_Aligner(sensor.delay * sample_rate) for sensor in layout.sensors]
+        noise_gain = np.array([aligner.noise_gain for aligner in self._aligners])
+        self._displacement = observe_motion(model, layout, SensorKind.DISPLACEMENT, noise_gain)
+        if self._displacement.unseen:
+            raise LayoutError(
+                f'layout: the displacement sensors cannot see '
+                f'{", ".join(self._displacement.unseen)}; add or move sensors '
+                '(displacement is needed, with its constant part)'
+            )
+        self._velocity, self._acceleration = (
+            _Rate.of(
+                observe_motion(model, layout, kind, noise_gain),
+                self._displacement.covariance,
+                stencil(order, 0.0, HALF_WIDTH) * sample_rate**order,
+            )
+            for order, kind in ((1, SensorKind.VELOCITY), (2, SensorKind.ACCELERATION))
+        )
+        self._force = observe_force(model, layout, noise_gain)
+        derived = self._velocity.derived or self._acceleration.derived
+        # Samples around an instant that its derivatives need, and that alignment needs.
+        self._margin = HALF_WIDTH if derived else 0
+        self._reach = self._margin + max(aligner.reach for aligner in self._aligners)
+        self.follower = StreamFollower()
+        self.counts = TransformCounts()
+        self._buffer = np.empty((0, len(layout.sensors)))
+        self._buffer_index = 0
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Quantities that are, at least partly, derivatives of the displacement."""
+        rates = (('velocity', self._velocity), ('acceleration', self._acceleration))
+        return tuple(name for name, rate in rates if rate.derived)
+
+    @property
+    def noise_stated(self) -> bool:
+        """Whether every sensor's noise is known."""
+        return not any(np.isnan(sensor.noise) for sensor in self._layout.sensors)
+
+    def add(self, block: SampleBlock) -> MotionBlock | None:
+        """
+        Take one block, give out the motion that it completes.
+
+        Parameters
+        ----------
+        block : SampleBlock
+
+        Returns
+        -------
+        MotionBlock or None
+            None while too few samples have come, or where the block is not new data of the
+            stream (`follower` counts why).
+
+        Raises
+        ------
+        DataError
+            If the block does not have the layout's channels or sample rate.
+
+        """
+        self._check(block)
+        arrival = self.follower.accept(
+            block.stream_id, block.first_index, block.next_index, block.last
+        )
+        if not arrival.usable:
+            return None
+        self.counts.blocks += 1
+        self._count_missing(block)
+        if arrival is Arrival.IN_ORDER:
+            self._buffer = np.concatenate((self._buffer, block.samples))
+        else:
+            self._buffer = block.samples.copy()
+            self._buffer_index = block.first_index
+        ready = self._buffer.shape[0] - 2 * self._reach
+        if ready <= 0 and not block.last:
+            return None
+        motion = self._motion(block, max(ready, 0))
+        if ready > 0:
+            self._buffer = self._buffer[ready:]
+            self._buffer_index += ready
+        return motion
+
+    def _check(self, block: SampleBlock) -> None:
+        channels = len(self._layout.sensors)
+        if block.samples.shape[1] != channels:
+            raise DataError(
+                f'block {block.first_index}: {block.samples.shape[1]} channels, '
+                f'the layout has {channels}; is another source publishing on the topic?'
+            )
+        if block.sample_rate != self._rate:
+            raise DataError(
+                f'block {block.first_index}: sample rate {block.sample_rate} Hz, '
+                f'the stream has {self._rate} Hz'
+            )
+
+    def _count_missing(self, block: SampleBlock) -> None:
+        missing = (~np.isfinite(block.samples)).sum(axis=0)
+        for channel in np.flatnonzero(missing):
+            name = self._layout.sensors[channel].name
+            counts = self.counts.samples_without_reading
+            counts[name] = counts.get(name, 0) + int(missing[channel])
+
+    def _motion(self, block: SampleBlock, ready: int) -> MotionBlock:
+        # Aligned readings at the instants given out and the margin either side of them.
+        count = ready + 2 * self._margin if ready else 0
+        start = self._reach - self._margin
+        aligned = np.empty((count, len(self._aligners)))
+        for column, aligner in enumerate(self._aligners):
+            aligned[:, column] = aligner.apply(self._buffer[:, column], start, count)
+        inner = aligned[self._margin : self._margin + ready]
+        with np.errstate(invalid='ignore'):
+            wide = aligned[:, self._displacement.channels] @ self._displacement.matrix.T
+            velocity, acceleration = (
+                rate.of_motion(inner, wide) for rate in (self._velocity, self._acceleration)
+            )
+            force = inner[:, self._force.channels] @ self._force.matrix.T
+        first_index = self._buffer_index + self._reach if ready else block.next_index
+        return MotionBlock(
+            stream_id=block.stream_id,
+            stamp_ns=stamp_after(block.stamp_ns, first_index - block.first_index, self._rate),
+            first_index=first_index,
+            sample_rate=self._rate,
+            coordinates=self._model.coordinate_names,
+            displacement=wide[self._margin : self._margin + ready],
+            velocity=velocity,
+            acceleration=acceleration,
+            force=force,
+            displacement_covariance=self._displacement.covariance,
+            velocity_covariance=self._velocity.covariance,
+            acceleration_covariance=self._acceleration.covariance,
+            force_covariance=self._force.covariance,
+            velocity_derived=self._velocity.derived,
+            acceleration_derived=self._acceleration.derived,
+            last=block.last,
+        )
+
+
+@dataclass(frozen=True)
+class _Rate:
+    """Velocity or acceleration: measured where sensors see it, else differentiated."""
+
+    observation: Observation
+    derived_share: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls,
+        observation: Observation,
+        displacement_covariance: NDArray[np.float64],
+        weights: NDArray[np.float64],
+    ) -> '_Rate':
+        share = np.zeros_like(displacement_covariance)
+        if observation.unseen:
+            share = np.eye(len(share)) - observation.seen
+        derived = share @ displacement_covariance @ share.T * float(weights @ weights)
+        return cls(observation, share, weights, observation.covariance + derived)
+
+    @property
+    def derived(self) -> bool:
+        return bool(self.observation.unseen)
+
+    def of_motion(
+        self, readings: NDArray[np.float64], displacement: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        measured = readings[:, self.observation.channels] @ self.observation.matrix.T
+        if not self.derived:
+            return measured
+        return measured + (
+            _convolve(displacement, self.weights, len(readings)) @ self.derived_share.T
+        )
+
+
+class _Aligner:
+    """Take a constant delay, in samples, out of one channel."""
+
+    def __init__(self, delay: float) -> None:
+        whole = round(delay)
+        fraction = delay - whole
+        self._shift = whole
+        if abs(fraction) < 1e-12:
+            self._weights = None
+            self.noise_gain = 1.0
+            self.reach = abs(whole)
+        else:
+            self._weights = stencil(0, fraction, HALF_WIDTH)
+            self.noise_gain = float(np.linalg.norm(self._weights))
+            self.reach = abs(whole) + HALF_WIDTH
+
+    def apply(self, samples: NDArray[np.float64], start: int, count: int) -> NDArray[np.float64]:
+        first = start + self._shift
+        if self._weights is None:
+            return samples[first : first + count]
+        return _convolve(samples[first - HALF_WIDTH :], self._weights, count)
+
+
+def _convolve(
+    samples: NDArray[np.float64], weights: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
+    """Weighted sums of consecutive samples, tap by tap so that every bit is reproducible."""
+    result = np.zeros((count, *samples.shape[1:]))
+    for tap, weight in enumerate(weights):
+        result += weight * samples[tap : tap + count]
+    return result

@@ -1,0 +1,45 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A bag as a source of samples."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from identnl_ros.core.blocks import SampleBlock
+from identnl_ros.storage.bag_reader import open_bag
+from identnl_ros.storage.stand_description import StandDescription
+
+
+class BagSource:
+    """
+    The stream recorded in a bag.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    DataError
+        If there is no readable bag of a stand.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._bag = open_bag(path)
+
+    @property
+    def description(self) -> StandDescription:
+        """What the channels of the blocks are."""
+        return self._bag.description
+
+    def blocks(self) -> Iterator[SampleBlock]:
+        """Yield the blocks in the order of recording, the very last one marked so."""
+        previous = None
+        for block in self._bag.blocks(self.description.stream_id):
+            if previous is not None:
+                yield previous
+            previous = block
+        if previous is not None:
+            yield replace(previous, last=True)

@@ -1,0 +1,217 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated stand as a source of samples."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identnl_ros.core.blocks import SampleBlock
+from identnl_ros.core.errors import DataError
+from identnl_ros.core.excitation import (
+    Impulses,
+    RecordedForce,
+    Signal,
+    Sweep,
+    multisine,
+    sine,
+)
+from identnl_ros.core.layout import Layout
+from identnl_ros.core.machine import ExcitationPoint, Machine
+from identnl_ros.core.model import assemble
+from identnl_ros.core.stand import SimulatedStand
+from identnl_ros.storage.stand_description import StandDescription
+
+BLOCK_DURATION = 0.01
+IMPULSE_INTERVAL = 1.0
+SWEEP_DURATION = 2.0
+
+
+class Excitation(Enum):
+    """Form of the force of all exciters."""
+
+    SINE = 'sine'
+    MULTISINE = 'multisine'
+    SWEEP = 'sweep'
+    IMPULSE = 'impulse'
+    RECORDED = 'recorded'
+
+
+@dataclass(frozen=True)
+class TestRun:
+    """
+    What the exciters do, for how long, and how the sensors are read.
+
+    Parameters
+    ----------
+    excitation : Excitation
+    duration : float
+        [s].
+    sample_rate : float
+        [Hz].
+    noise : float
+        Factor on the noise that the layout states; 0: perfect sensors.
+    seed : int
+        Of everything random: phases, noise, dropouts; a seed gives the same bytes again.
+    amplitude, frequency : float or None
+        Of every exciter [N], [Hz]; None: as in the machine file.
+    band : tuple of float or None
+        Of a multisine or sweep [Hz]; None: as in the machine file.
+    period : float
+        Of a multisine [s].
+    recorded_force : ndarray or None
+        For a recorded excitation, sampled at `sample_rate` [N].
+
+    Raises
+    ------
+    DataError
+        If a number is out of range.
+
+    """
+
+    __test__ = False
+
+    excitation: Excitation
+    duration: float
+    sample_rate: float
+    noise: float = 1.0
+    seed: int = 0
+    amplitude: float | None = None
+    frequency: float | None = None
+    band: tuple[float, float] | None = None
+    period: float = 1.0
+    recorded_force: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        for name in ('duration', 'sample_rate', 'amplitude', 'frequency', 'period'):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise DataError(f'simulation: {name} is {value}, expected a positive number')
+        if not (np.isfinite(self.noise) and self.noise >= 0):
+            raise DataError(f'simulation: noise is {self.noise}, expected 0 or a positive factor')
+        if self.seed < 0:
+            raise DataError(f'simulation: seed is {self.seed}, expected 0 or a positive number')
+        if self.band is not None and not 0 < self.band[0] <= self.band[1]:
+            raise DataError(
+                f'simulation: band is {self.band[0]} to {self.band[1]} Hz, '
+                'expected two positive numbers, the lower one first'
+            )
+        if self.excitation is Excitation.RECORDED and self.recorded_force is None:
+            raise DataError('simulation: a recorded excitation needs the recorded force')
+        if self.samples < 1:
+            raise DataError(
+                f'simulation: {self.duration} s at {self.sample_rate} Hz is less than a sample'
+            )
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the run."""
+        return round(self.duration * self.sample_rate)
+
+
+class SimulatedSource:
+    """
+    A machine run by its exciters, read by its sensors.
+
+    Parameters
+    ----------
+    machine : Machine
+    layout : Layout
+        Its sensors with their nominal noise.
+    run : TestRun
+    machine_text, layout_text : str
+        Files that machine and layout come from, for the stream's description.
+    stream_id : int or None
+        None: derived from the seed, so that a seed gives the same bytes again.
+    stamp_ns : int
+        Time stamp of the first sample [ns].
+
+    Raises
+    ------
+    IdentnlError
+        If the machine cannot be simulated or the layout does not fit it.
+
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        layout: Layout,
+        run: TestRun,
+        machine_text: str = '',
+        layout_text: str = '',
+        stream_id: int | None = None,
+        stamp_ns: int = 0,
+    ) -> None:
+        phase_seed, stream_seed, stand_seed = np.random.SeedSequence(run.seed).spawn(3)
+        if stream_id is None:
+            stream_id = int(stream_seed.generate_state(1, np.uint64)[0])
+        self._run = run
+        self._model = assemble(machine)
+        layout = layout.with_noise_times(run.noise)
+        self._stand = SimulatedStand(
+            self._model,
+            layout,
+            _signals(machine.excitations, run, np.random.default_rng(phase_seed)),
+            run.sample_rate,
+            int(stand_seed.generate_state(1, np.uint64)[0]),
+            stream_id,
+            stamp_ns,
+        )
+        self._description = StandDescription(
+            stand=layout.stand,
+            stream_id=stream_id,
+            sample_rate=run.sample_rate,
+            layout=layout,
+            machine_text=machine_text,
+            layout_text=layout_text,
+            stamp_ns=stamp_ns,
+        )
+
+    @property
+    def description(self) -> StandDescription:
+        """What the channels of the blocks are."""
+        return self._description
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """True values of the parameters that are to be estimated, SI."""
+        return {
+            self._model.parameters[i].name: self._model.parameters[i].value
+            for i in self._model.estimated
+        }
+
+    def blocks(self) -> Iterator[SampleBlock]:
+        """Yield the blocks of the run in order."""
+        size = max(1, round(BLOCK_DURATION * self._run.sample_rate))
+        for first in range(0, self._run.samples, size):
+            count = min(size, self._run.samples - first)
+            yield self._stand.read(count, last=first + count == self._run.samples)
+
+
+def _signals(
+    points: tuple[ExcitationPoint, ...], run: TestRun, generator: np.random.Generator
+) -> tuple[Signal, ...]:
+    """Force of every exciter; the random phases of several multisines are independent."""
+    signals: list[Signal] = []
+    for point in points:
+        amplitude = run.amplitude or point.amplitude
+        frequency = run.frequency or point.frequency
+        band = run.band or point.band
+        match run.excitation:
+            case Excitation.SINE:
+                signals.append(sine(amplitude, frequency))
+            case Excitation.MULTISINE:
+                signals.append(multisine(amplitude, band, run.period, generator))
+            case Excitation.SWEEP:
+                signals.append(Sweep(amplitude, band, SWEEP_DURATION))
+            case Excitation.IMPULSE:
+                # Half a period of the highest frequency asked for.
+                signals.append(Impulses(amplitude, 0.5 / band[1], IMPULSE_INTERVAL))
+            case Excitation.RECORDED:
+                signals.append(RecordedForce(run.recorded_force, run.sample_rate))
+    return tuple(signals)

@@ -5,10 +5,9 @@
 from dataclasses import dataclass
 from enum import IntFlag
 
+from identnl_ros.core.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
-
-from identnl_ros.core.errors import DataError
 
 NANOSECONDS = 1_000_000_000
 
@@ -75,7 +74,7 @@ class SampleBlock:
     @property
     def next_index(self) -> int:
         """Index of the first sample after this block."""
-        return self.first_index + self.samples.shape[0]
+        return self.first_index + int(self.samples.shape[0])
 
 
 @dataclass(frozen=True)
@@ -143,7 +142,7 @@ class MotionBlock:
     @property
     def next_index(self) -> int:
         """Index of the first sample after this block."""
-        return self.first_index + self.displacement.shape[0]
+        return self.first_index + int(self.displacement.shape[0])
 
 
 def stamp_after(stamp_ns: int, samples: int, sample_rate: float) -> int:

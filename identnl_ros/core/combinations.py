@@ -40,7 +40,7 @@ def determined_combinations(
     null_space: NDArray[np.float64], free: NDArray[np.bool_], names: Sequence[str]
 ) -> list[Combination]:
     """
-    Combinations of the free parameters that the data do determine.
+    Find the combinations of the free parameters that the data do determine.
 
     Parameters
     ----------

@@ -2,18 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Static equilibrium of a machine under weight, preload and constant forces."""
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Callable
 
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.model import Model
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
 
 MAX_ITERATIONS = 200
 # Out-of-balance force relative to the loads at which the equilibrium is accepted.
 TOLERANCE = 1e-12
 
 
-def static_equilibrium(model: Model) -> NDArray[np.float64]:
+def static_equilibrium(model: Model) -> Vector:
     """
     Find the displacement at which joints, weights and constant forces balance.
 
@@ -40,7 +43,7 @@ def static_equilibrium(model: Model) -> NDArray[np.float64]:
     load = model.constant_load()
     displacement = np.zeros(len(load))
 
-    def unbalance(at: NDArray[np.float64]) -> NDArray[np.float64]:
+    def unbalance(at: Vector) -> Vector:
         return load - model.joint_force(at[np.newaxis], np.zeros((1, len(load))))[0]
 
     mass = model.mass_diagonal()
@@ -72,7 +75,13 @@ def static_equilibrium(model: Model) -> NDArray[np.float64]:
     )
 
 
-def _shortened(unbalance, displacement, step, weight, size):
+def _shortened(
+    unbalance: Callable[[Vector], Vector],
+    displacement: Vector,
+    step: Vector,
+    weight: Vector,
+    size: float,
+) -> tuple[Vector, Vector]:
     """Halve a Newton step until it reduces the unbalance."""
     for _ in range(40):
         trial = displacement + step

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
+from identnl_ros.core.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-
-from identnl_ros.core.errors import DataError
 
 # Instants evaluated together by the addition theorem.
 GRID_CHUNK = 256
@@ -105,7 +104,7 @@ class Sweep:
         time = np.mod(start + step * np.arange(count), self.duration)
         low, high = self.band
         cycles = low * time + (high - low) * time**2 / (2 * self.duration)
-        return self.amplitude * np.sin(2 * np.pi * cycles)
+        return np.asarray(self.amplitude * np.sin(2 * np.pi * cycles))
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identnl_ros.core.blocks import MotionBlock
 from identnl_ros.core.combinations import determined_combinations
 from identnl_ros.core.continuity import StreamFollower
@@ -15,6 +12,8 @@ from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimat
 from identnl_ros.core.information import Information, Solution
 from identnl_ros.core.model import Model
 from identnl_ros.core.regression import PointwiseRegression
+import numpy as np
+from numpy.typing import NDArray
 
 # Instants factored at once. Counted from the first one used, whatever the blocks, so that the
 # result does not depend on how the stream was cut into blocks.
@@ -103,6 +102,15 @@ class Identifier:
     def samples(self) -> int:
         """Instants used so far."""
         return self._samples
+
+    @property
+    def rejected(self) -> int:
+        """Instants left out so far."""
+        return self._rejected
+
+    def end_stream(self) -> None:
+        """Expect another stream next: the present one has ended, marked so or not."""
+        self.follower.ended = True
 
     @property
     def state(self) -> IdentifierState:
@@ -281,8 +289,7 @@ class Identifier:
                 value,
                 deviation,
                 EstimateStatus.NOISE_LIMITED,
-                'sensor noise in the measured motion biases it by about '
-                f'{abs(bias / value):.1%}',
+                f'sensor noise in the measured motion biases it by about {abs(bias / value):.1%}',
             )
         return ParameterEstimate(*head, value, deviation, EstimateStatus.OK)
 
@@ -319,7 +326,7 @@ class Identifier:
             )
         if np.isnan(self._noise_gram).any():
             notes.append(
-                'The layout does not state every sensor\'s noise: the bias that noise in the '
+                "The layout does not state every sensor's noise: the bias that noise in the "
                 'measured motion causes is not known and not in the standard deviations.'
             )
         if any(parameter.status is EstimateStatus.NOISE_LIMITED for parameter in parameters):

@@ -91,7 +91,7 @@ class Information:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.factor.shape[0] - 1
+        return int(self.factor.shape[0]) - 1
 
     def with_rows(
         self, regressor: NDArray[np.float64], target: NDArray[np.float64]
@@ -170,7 +170,7 @@ class Information:
 
 
 def _triangle(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    triangle = np.linalg.qr(rows, mode='r')
+    triangle: NDArray[np.float64] = np.asarray(np.linalg.qr(rows, mode='r'))
     size = rows.shape[1]
     if triangle.shape[0] < size:
         triangle = np.vstack((triangle, np.zeros((size - triangle.shape[0], size))))

@@ -13,11 +13,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.laws import Law, LawKind
+import numpy as np
+from numpy.typing import NDArray
 
 GROUND = 'ground'
 NORMAL_AXES = (0, 4, 5)
@@ -81,11 +80,30 @@ class JointTerm:
 class Joint(Protocol):
     """What the assembly of a machine needs to know of a joint."""
 
-    kind: str
-    name: str
-    body: str
-    other_body: str
-    point: NDArray[np.float64]
+    @property
+    def kind(self) -> str:
+        """Kind of joint, as in the machine file."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """Name, unique in the machine."""
+        ...
+
+    @property
+    def body(self) -> str:
+        """Body whose motion along the axes is positive deformation."""
+        ...
+
+    @property
+    def other_body(self) -> str:
+        """Body it moves against, or the ground."""
+        ...
+
+    @property
+    def point(self) -> NDArray[np.float64]:
+        """Where the joint acts, machine frame [m], shape (3,)."""
+        ...
 
     @property
     def axes(self) -> NDArray[np.float64]:
@@ -163,6 +181,7 @@ class Slideway:
     def __post_init__(self) -> None:
         """Check ranges; make the axes unit vectors."""
         where = f'joint {self.name}'
+        _check_point(self.point, where)
         normal, longitudinal = (
             _unit_vector(vector, f'{where}: {name}')
             for name, vector in (('normal', self.normal), ('longitudinal', self.longitudinal))
@@ -250,9 +269,7 @@ class Slideway:
                 (4, 2 * (self.width / 2) ** (m + 2) / (self.width * (m + 2)), 0.0),  # (9b)
                 (5, 2 * (self.length / 2) ** (m + 2) / (self.length * (m + 2)), 0.0),  # (9c)
             ):
-                yield JointTerm(
-                    *head, _axis(axis), Law(LawKind.SIGNED_POWER, m, preload), factor
-                )
+                yield JointTerm(*head, _axis(axis), Law(LawKind.SIGNED_POWER, m, preload), factor)
             return
         nodes, weights = np.polynomial.legendre.leggauss(self.gauss_points)
         for y, weight_y in zip(nodes * self.length / 2, weights / 2, strict=True):
@@ -302,13 +319,14 @@ class SpringDamper:
     kind: str = 'six_spring'
 
     def __post_init__(self) -> None:
-        """Check the frame and the number of axes."""
+        """Check the point, the frame and the number of axes."""
+        _check_point(self.point, f'joint {self.name}')
         if not np.allclose(self.axes.T @ self.axes, np.eye(3), atol=1e-6) or (
             np.linalg.det(self.axes) < 0
         ):
             raise MachineError(
-                f'joint {self.name}: axes are not perpendicular unit vectors of a '
-                'right-handed frame'
+                f'joint {self.name}: its axes (axis_1, axis_2) are not perpendicular unit '
+                'vectors of a right-handed frame'
             )
         for name in ('stiffness', 'damping', 'quadratic_stiffness', 'cubic_stiffness'):
             if len(getattr(self, name)) > 6:
@@ -340,7 +358,7 @@ class SpringDamper:
 
 
 def _spring_unit(axis: int, power: int) -> str:
-    """Unit of a spring of a power of the deformation; power 0: of a damper."""
+    """Name the unit of a spring of a power of the deformation; power 0: of a damper."""
     if power == 0:
         return 'N*s/m' if axis < 3 else 'N*m*s'
     if axis >= 3:
@@ -375,6 +393,11 @@ def frame_about(axis: NDArray[np.float64], where: str) -> NDArray[np.float64]:
     second = np.cross(helper, first)
     second /= np.linalg.norm(second)
     return np.column_stack((first, second, np.cross(first, second)))
+
+
+def _check_point(point: NDArray[np.float64], where: str) -> None:
+    if point.shape != (3,) or not np.all(np.isfinite(point)):
+        raise MachineError(f'{where}: point must be three finite numbers')
 
 
 def _unit_vector(vector: NDArray[np.float64], where: str) -> NDArray[np.float64]:

@@ -14,6 +14,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+Reals = NDArray[np.float64]
+
 
 class LawKind(IntEnum):
     """Form of a scalar force law."""
@@ -25,7 +27,7 @@ class LawKind(IntEnum):
     POLYNOMIAL = 4
 
 
-def signed_power(deformation, exponent, preload):
+def signed_power(deformation: Reals, exponent: float, preload: float) -> Reals:
     """
     Evaluate the power law of a joint that cannot open, (5) of Berczynski et al. (2010).
 
@@ -48,7 +50,7 @@ def signed_power(deformation, exponent, preload):
     return np.sign(total) * np.abs(total) ** exponent
 
 
-def signed_power_slope(deformation, exponent, preload):
+def signed_power_slope(deformation: Reals, exponent: float, preload: float) -> Reals:
     """
     Differentiate `signed_power` by the deformation.
 
@@ -65,7 +67,7 @@ def signed_power_slope(deformation, exponent, preload):
     return exponent * np.abs(preload + deformation) ** (exponent - 1.0)
 
 
-def contact(deformation, exponent, preload):
+def contact(deformation: Reals, exponent: float, preload: float) -> Reals:
     """
     Evaluate the power law of a surface element that carries pressure only.
 
@@ -87,7 +89,7 @@ def contact(deformation, exponent, preload):
     return np.maximum(preload + deformation, 0.0) ** exponent
 
 
-def contact_slope(deformation, exponent, preload):
+def contact_slope(deformation: Reals, exponent: float, preload: float) -> Reals:
     """
     Differentiate `contact` by the deformation.
 
@@ -105,7 +107,7 @@ def contact_slope(deformation, exponent, preload):
     return exponent * np.maximum(total, 0.0) ** (exponent - 1.0) * (total > 0.0)
 
 
-def polynomial(deformation, exponent):
+def polynomial(deformation: Reals, exponent: float) -> Reals:
     """
     Evaluate a whole power of the deformation, even powers without sign change.
 
@@ -124,7 +126,7 @@ def polynomial(deformation, exponent):
     return deformation**exponent
 
 
-def polynomial_slope(deformation, exponent):
+def polynomial_slope(deformation: Reals, exponent: float) -> Reals:
     """
     Differentiate `polynomial` by the deformation.
 
@@ -163,7 +165,7 @@ class Law:
     preload: float = 0.0
     rest_force: float = 0.0
 
-    def force(self, deformation: NDArray, rate: NDArray) -> NDArray:
+    def force(self, deformation: Reals, rate: Reals) -> Reals:
         """
         Evaluate the force per unit of the coefficient.
 
@@ -191,7 +193,7 @@ class Law:
             case LawKind.POLYNOMIAL:
                 return polynomial(deformation, self.exponent) - self.rest_force
 
-    def stiffness(self, deformation: NDArray) -> NDArray:
+    def stiffness(self, deformation: Reals) -> Reals:
         """
         Differentiate the force per unit of the coefficient by the deformation.
 

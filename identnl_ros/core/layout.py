@@ -5,10 +5,9 @@
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
+from identnl_ros.core.errors import LayoutError
 import numpy as np
 from numpy.typing import NDArray
-
-from identnl_ros.core.errors import LayoutError
 
 
 class SensorKind(Enum):

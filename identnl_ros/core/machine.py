@@ -4,11 +4,10 @@
 
 from dataclasses import dataclass, field
 
+from identnl_ros.core.errors import MachineError
+from identnl_ros.core.joints import Coefficient, GROUND, Joint
 import numpy as np
 from numpy.typing import NDArray
-
-from identnl_ros.core.errors import MachineError
-from identnl_ros.core.joints import GROUND, Coefficient, Joint
 
 DEGREES_OF_FREEDOM = (
     'translation_1',
@@ -227,25 +226,25 @@ class Machine:
         if not self.bodies:
             raise MachineError('machine: no bodies; list at least one under the key bodies')
         bodies = {body.name for body in self.bodies}
+        ends = (
+            *(('joint', one.name, one.body, one.other_body) for one in self.joints),
+            *(('excitation', one.name, one.body, one.reaction_body) for one in self.excitations),
+            *(('force', one.name, one.body, one.reaction_body) for one in self.forces),
+        )
         seen: set[str] = set()
-        parts = (*self.bodies, *self.joints, *self.excitations, *self.forces)
-        for part in parts:
-            if part.name in seen:
-                raise MachineError(f'machine: two parts are called {part.name}; names must differ')
-            seen.add(part.name)
-        for label, part, other in (
-            *(('joint', joint, joint.other_body) for joint in self.joints),
-            *(('excitation', point, point.reaction_body) for point in self.excitations),
-            *(('force', force, force.reaction_body) for force in self.forces),
-        ):
-            for end in (part.body, other):
+        for name in (*(body.name for body in self.bodies), *(end[1] for end in ends)):
+            if name in seen:
+                raise MachineError(f'machine: two parts are called {name}; names must differ')
+            seen.add(name)
+        for label, name, *attached in ends:
+            for end in attached:
                 if end not in bodies and end != GROUND:
                     raise MachineError(
-                        f'{label} {part.name}: attached to "{end}", which is no body; '
+                        f'{label} {name}: attached to "{end}", which is no body; '
                         f'expected one of {", ".join(sorted(bodies))} or {GROUND}'
                     )
-            if part.body == other:
-                raise MachineError(f'{label} {part.name}: both ends are on "{other}"')
+            if attached[0] == attached[1]:
+                raise MachineError(f'{label} {name}: both ends are on "{attached[0]}"')
         if self.gravity is not None and (
             self.gravity.shape != (3,) or not np.all(np.isfinite(self.gravity))
         ):

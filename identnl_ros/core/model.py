@@ -11,14 +11,13 @@ lines, and so are the rays of a pressure-integrated contact.
 
 from dataclasses import dataclass, replace
 
+from identnl_ros.core.errors import MachineError
+from identnl_ros.core.joints import Coefficient, GROUND, Joint
+from identnl_ros.core.laws import Law
+from identnl_ros.core.machine import Body, DEGREES_OF_FREEDOM, Machine
+from identnl_ros.core.principal_axes import principal_axes
 import numpy as np
 from numpy.typing import NDArray
-
-from identnl_ros.core.errors import MachineError
-from identnl_ros.core.joints import GROUND, Coefficient, Joint
-from identnl_ros.core.laws import Law
-from identnl_ros.core.machine import DEGREES_OF_FREEDOM, Body, Machine
-from identnl_ros.core.principal_axes import principal_axes
 
 
 @dataclass(frozen=True)
@@ -328,8 +327,9 @@ def assemble(machine: Machine) -> Model:
 
     """
     coordinates = tuple(
-        Coordinate(body.name, motion) for body in machine.bodies for motion in
-        body.degrees_of_freedom
+        Coordinate(body.name, motion)
+        for body in machine.bodies
+        for motion in body.degrees_of_freedom
     )
     table = _ParameterTable()
     rotary_inertia = np.zeros(len(coordinates))
@@ -353,16 +353,20 @@ def assemble(machine: Machine) -> Model:
             loads.append(Load(machine.gravity @ motion, index))
     for force in machine.forces:
         index = table.index(f'{force.name}.force', 'F', 'N', force.force)
-        vector = _pair(machine, coordinates, force.body, force.point, force.reaction_body,
-                       force.point)[:3]
+        vector = _pair(
+            machine, coordinates, force.body, force.point, force.reaction_body, force.point
+        )[:3]
         loads.append(Load(force.direction @ vector, index))
     lines, line_joints, terms = _joint_lines(machine, coordinates, table)
     excitation_directions = np.zeros((len(machine.excitations), len(coordinates)))
     for row, exciter in zip(excitation_directions, machine.excitations, strict=True):
         reaction = exciter.point if exciter.reaction_point is None else exciter.reaction_point
-        row[:] = exciter.direction @ _pair(
-            machine, coordinates, exciter.body, exciter.point, exciter.reaction_body, reaction
-        )[:3]
+        row[:] = (
+            exciter.direction
+            @ _pair(
+                machine, coordinates, exciter.body, exciter.point, exciter.reaction_body, reaction
+            )[:3]
+        )
     return Model(
         machine,
         coordinates,
@@ -414,7 +418,7 @@ def _joint_lines(
             law = term.law
             if machine.gravity is None:
                 # At rest the locked-in forces balance: only the change acts.
-                law = replace(law, rest_force=float(law.force(np.float64(0), np.float64(0))))
+                law = replace(law, rest_force=float(law.force(np.zeros(1), np.zeros(1))[0]))
             terms.append(Term(known_lines[direction], law, term.factor, parameter))
     stacked = np.array(lines).reshape(len(lines), len(coordinates))
     return stacked, tuple(line_joints), tuple(terms)

@@ -4,12 +4,12 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identnl_ros.core.errors import LayoutError, MachineError
+from identnl_ros.core.joints import GROUND
 from identnl_ros.core.layout import Layout, Sensor, SensorKind
 from identnl_ros.core.model import Model
+import numpy as np
+from numpy.typing import NDArray
 
 # Singular values of the column-scaled sensor matrix below this are geometry, not rounding.
 SEEING_TOLERANCE = 1e-9
@@ -44,7 +44,7 @@ class Observation:
 
 def sensor_matrix(model: Model, sensors: tuple[Sensor, ...]) -> NDArray[np.float64]:
     """
-    Readings per unit of every coordinate: s = H q.
+    Find the readings per unit of every coordinate: s = H q.
 
     Parameters
     ----------
@@ -59,17 +59,20 @@ def sensor_matrix(model: Model, sensors: tuple[Sensor, ...]) -> NDArray[np.float
     Raises
     ------
     LayoutError
-        If a sensor sits on a body that the machine does not have.
+        If a sensor sits on the ground or on a body that the machine does not have.
 
     """
     rows = np.zeros((len(sensors), len(model.coordinates)))
     for row, sensor in zip(rows, sensors, strict=True):
+        if sensor.body == GROUND:
+            raise LayoutError(
+                f'sensor {sensor.name}: sits on the ground, which does not move; '
+                'name the moving body first and the ground as the reference'
+            )
         try:
             row += model.motion_of_point(sensor.body, sensor.point, sensor.direction)
             if sensor.reference_body:
-                row -= model.motion_of_point(
-                    sensor.reference_body, sensor.point, sensor.direction
-                )
+                row -= model.motion_of_point(sensor.reference_body, sensor.point, sensor.direction)
         except MachineError as error:
             raise LayoutError(f'sensor {sensor.name}: {error}') from None
     return rows
@@ -115,9 +118,7 @@ def observe_motion(
     return Observation(channels, matrix, covariance, matrix @ rows, unseen)
 
 
-def observe_force(
-    model: Model, layout: Layout, noise_gain: NDArray[np.float64]
-) -> Observation:
+def observe_force(model: Model, layout: Layout, noise_gain: NDArray[np.float64]) -> Observation:
     """
     Map the force sensors to the generalised force.
 
@@ -151,8 +152,12 @@ def observe_force(
             )
     matrix = np.zeros((len(model.coordinates), len(channels)))
     for name, direction in zip(names, model.excitation_directions, strict=True):
-        share = np.array([weight**2 if sensor.excitation == name else 0.0
-                          for weight, sensor in zip(weights, sensors, strict=True)])
+        share = np.array(
+            [
+                weight**2 if sensor.excitation == name else 0.0
+                for weight, sensor in zip(weights, sensors, strict=True)
+            ]
+        )
         if not share.any():
             raise LayoutError(
                 f'layout: no force sensor measures excitation "{name}" of machine '

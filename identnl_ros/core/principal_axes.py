@@ -1,16 +1,19 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Principal central axes of inertia, named so that they stay as near as can be to the machine's."""
+"""Principal central axes of inertia, named after the machine axes that they are nearest to."""
+
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 # Principal moments that agree to this fraction leave their axes undetermined.
 EQUAL_MOMENTS = 1e-9
 
 
-def principal_axes(inertia: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+def principal_axes(
+    inertia: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     Find the principal moments and axes of an inertia tensor.
 
@@ -39,12 +42,12 @@ def principal_axes(inertia: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
     for space in spaces:
         overlap = np.linalg.norm(vectors[:, space], axis=1) ** 2
         nearness[:, space] = overlap[:, np.newaxis]
-    machine_axis, eigen = linear_sum_assignment(-nearness)
+    # eigen[i]: the eigenvector that becomes axis i.
+    eigen = max(permutations(range(3)), key=lambda order: nearness[range(3), order].sum())
     axes = np.zeros((3, 3))
     sorted_moments = np.zeros(3)
     for space in spaces:
-        chosen = [int(axis) for axis, index in zip(machine_axis, eigen, strict=True)
-                  if index in space]
+        chosen = [axis for axis, index in enumerate(eigen) if index in space]
         basis = vectors[:, space]
         # Orthogonal Procrustes: the basis of the space nearest to the chosen machine axes.
         left, _, right = np.linalg.svd(basis.T @ np.eye(3)[:, chosen])

@@ -9,11 +9,10 @@ unknown ones in Phi; all are linear in the unknown coefficients x.
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identnl_ros.core.blocks import MotionBlock
 from identnl_ros.core.model import Model
+import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -75,9 +74,9 @@ class PointwiseRegression:
         target = force - model.rotary_inertia * acceleration - known @ model.lines
         regressor = np.zeros((n_samples, n_coordinates, self.size))
         for index, lines in unknown.items():
-            regressor[:, :, index] = np.column_stack(list(lines.values())) @ model.lines[
-                list(lines)
-            ]
+            regressor[:, :, index] = (
+                np.column_stack(list(lines.values())) @ model.lines[list(lines)]
+            )
         for parameter, diagonal in model.mass_vectors:
             if parameter in column:
                 regressor[:, :, column[parameter]] += diagonal * acceleration

@@ -10,28 +10,21 @@ has fast modes. Fixed steps make a run reproducible bit for bit.
 
 from dataclasses import dataclass
 
-import numba
-import numpy as np
-from numpy.typing import NDArray
-from scipy.integrate import DOP853
-
-from identnl_ros.core import laws
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.excitation import Signal
+from identnl_ros.core.integrator import accelerations, branch, integrate, NODES, STAGES
 from identnl_ros.core.laws import LawKind
 from identnl_ros.core.model import Model
+from identnl_ros.core.modes import state_matrix
+import numpy as np
+from numpy.typing import NDArray
 
-STAGES = DOP853.n_stages
-_A = np.ascontiguousarray(DOP853.A[:STAGES, :STAGES])
-_B = np.ascontiguousarray(DOP853.B)
-_C = np.ascontiguousarray(DOP853.C[:STAGES])
 # Largest step times the fastest eigenvalue at rest: the local error is then about 1e-12.
 STEP_LIMIT = 0.3
 
-_signed_power = numba.njit(cache=True)(laws.signed_power)
-_contact = numba.njit(cache=True)(laws.contact)
-_SIGNED_POWER = int(LawKind.SIGNED_POWER)
-_CONTACT = int(LawKind.CONTACT)
+
+# Displacement, velocity, acceleration.
+Motion = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -67,7 +60,7 @@ class Equations:
     excitation_directions: NDArray[np.float64]
 
     @property
-    def arrays(self) -> tuple:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """Arguments of the compiled functions, in order."""
         return (
             self.inverse_mass,
@@ -128,9 +121,7 @@ def equations_of(model: Model) -> Equations:
     )
 
 
-def steps_per_sample(
-    model: Model, displacement: NDArray[np.float64], interval: float
-) -> int:
+def steps_per_sample(model: Model, displacement: NDArray[np.float64], interval: float) -> int:
     """
     Choose how many integration steps fit the machine's fastest motion.
 
@@ -147,13 +138,7 @@ def steps_per_sample(
     int
 
     """
-    inverse_mass = 1 / model.mass_diagonal()[:, np.newaxis]
-    n = len(inverse_mass)
-    state_matrix = np.zeros((2 * n, 2 * n))
-    state_matrix[:n, n:] = np.eye(n)
-    state_matrix[n:, :n] = -inverse_mass * model.tangent_stiffness(displacement)
-    state_matrix[n:, n:] = -inverse_mass * model.damping_matrix()
-    fastest = float(np.abs(np.linalg.eigvals(state_matrix)).max())
+    fastest = float(np.abs(np.linalg.eigvals(state_matrix(model, displacement))).max())
     return max(1, int(np.ceil(interval * fastest / STEP_LIMIT)))
 
 
@@ -188,9 +173,7 @@ class Simulation:
         self._equations = equations_of(self.model)
         self._index = 0
 
-    def advance(
-        self, count: int, fractions: tuple[float, ...] = (0.0,)
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def advance(self, count: int, fractions: tuple[float, ...] = (0.0,)) -> Motion:
         """
         Integrate over a number of intervals.
 
@@ -215,8 +198,8 @@ class Simulation:
         step = self.interval / self.steps
         start = self._index * self.interval
         forces = self._stage_forces(start, step, count * self.steps)
-        displacement, velocity, *final = _integrate(
-            self.displacement, self.velocity, step, self.steps, forces, _A, _B,
+        displacement, velocity, *final = integrate(
+            self.displacement, self.velocity, step, self.steps, forces,
             *self._equations.arrays,
         )  # fmt: skip
         if not np.isfinite(final[0]).all():
@@ -227,32 +210,38 @@ class Simulation:
             )
         self.displacement, self.velocity = final
         self._index += count
-        outputs = [
-            self._output(displacement, velocity, start, fraction) for fraction in fractions
-        ]
-        return tuple(np.stack(parts) for parts in zip(*outputs, strict=True))
+        outputs = [self._output(displacement, velocity, start, fraction) for fraction in fractions]
+        displacements, velocities, accelerated = zip(*outputs, strict=True)
+        return np.stack(displacements), np.stack(velocities), np.stack(accelerated)
 
-    def _output(self, displacement, velocity, start, fraction):
+    def _output(
+        self,
+        displacement: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        start: float,
+        fraction: float,
+    ) -> Motion:
+        """Find the motion a fraction of an interval after each of some states."""
         count = len(displacement)
         if fraction > 0:
             # Short runs of their own from every output instant: exact to the method's order.
             step = fraction * self.interval / self.steps
             forces = np.empty((count, self.steps, STAGES, len(self.signals)))
             for part in range(self.steps):
-                for stage, node in enumerate(_C):
+                for stage, node in enumerate(NODES):
                     forces[:, part, stage] = self._forces(
                         start + (part + node) * step, self.interval, count
                     )
-            displacement, velocity = _branch(
-                displacement, velocity, step, forces, _A, _B, *self._equations.arrays
+            displacement, velocity = branch(
+                displacement, velocity, step, forces, *self._equations.arrays
             )
         force = self._forces(start + fraction * self.interval, self.interval, count)
-        acceleration = _accelerations(displacement, velocity, force, *self._equations.arrays)
+        acceleration = accelerations(displacement, velocity, force, *self._equations.arrays)
         return displacement, velocity, acceleration
 
     def _stage_forces(self, start: float, step: float, count: int) -> NDArray[np.float64]:
         forces = np.empty((count, STAGES, len(self.signals)))
-        for stage, node in enumerate(_C):
+        for stage, node in enumerate(NODES):
             forces[:, stage] = self._forces(start + node * step, step, count)
         return forces
 
@@ -261,119 +250,3 @@ class Simulation:
         for column, signal in enumerate(self.signals):
             forces[:, column] = signal.on_grid(start, step, count)
         return forces
-
-
-@numba.njit(cache=True)
-def _acceleration(
-    displacement, velocity, force, out,
-    inverse_mass, stiffness, damping, load, lines, term_line, term_kind, term_numbers,
-    directions,
-):  # fmt: skip
-    # Stiffness and damping are symmetric: rows serve as columns, and inner loops vectorise.
-    n = displacement.size
-    for i in range(n):
-        out[i] = load[i]
-    for j in range(force.size):
-        for i in range(n):
-            out[i] += directions[j, i] * force[j]
-    for j in range(n):
-        position = displacement[j]
-        rate = velocity[j]
-        for i in range(n):
-            out[i] -= stiffness[j, i] * position + damping[j, i] * rate
-    line = -1
-    deformation = 0.0
-    for term in range(term_line.size):
-        if term_line[term] != line:
-            line = term_line[term]
-            deformation = 0.0
-            for i in range(n):
-                deformation += lines[line, i] * displacement[i]
-        coefficient, exponent, preload, rest = term_numbers[term]
-        kind = term_kind[term]
-        if kind == _SIGNED_POWER:
-            value = _signed_power(deformation, exponent, preload)
-        elif kind == _CONTACT:
-            value = _contact(deformation, exponent, preload)
-        else:
-            value = deformation**exponent
-        value = coefficient * (value - rest)
-        for i in range(n):
-            out[i] -= lines[line, i] * value
-    for i in range(n):
-        out[i] *= inverse_mass[i]
-
-
-@numba.njit(cache=True)
-def _step(displacement, velocity, step, forces, a, b, velocities, accelerations, equations):
-    """One step in place; forces at the stages, shape (STAGES, n_excitations)."""
-    n = displacement.size
-    stage_displacement = np.empty(n)
-    for stage in range(b.size):
-        for i in range(n):
-            stage_displacement[i] = displacement[i]
-            velocities[stage, i] = velocity[i]
-        for earlier in range(stage):
-            weight = step * a[stage, earlier]
-            if weight == 0.0:
-                continue
-            for i in range(n):
-                stage_displacement[i] += weight * velocities[earlier, i]
-                velocities[stage, i] += weight * accelerations[earlier, i]
-        _acceleration(
-            stage_displacement, velocities[stage], forces[stage], accelerations[stage],
-            *equations,
-        )  # fmt: skip
-    for stage in range(b.size):
-        weight = step * b[stage]
-        for i in range(n):
-            displacement[i] += weight * velocities[stage, i]
-            velocity[i] += weight * accelerations[stage, i]
-
-
-@numba.njit(cache=True)
-def _integrate(displacement, velocity, step, steps, forces, a, b, *equations):
-    n = displacement.size
-    count = forces.shape[0] // steps
-    displacements = np.empty((count, n))
-    velocities = np.empty((count, n))
-    position = displacement.copy()
-    rate = velocity.copy()
-    stage_velocities = np.empty((b.size, n))
-    stage_accelerations = np.empty((b.size, n))
-    for index in range(count):
-        displacements[index] = position
-        velocities[index] = rate
-        for part in range(steps):
-            _step(
-                position, rate, step, forces[index * steps + part], a, b,
-                stage_velocities, stage_accelerations, equations,
-            )  # fmt: skip
-    return displacements, velocities, position, rate
-
-
-@numba.njit(cache=True)
-def _branch(displacements, velocities, step, forces, a, b, *equations):
-    positions = displacements.copy()
-    rates = velocities.copy()
-    n = positions.shape[1]
-    stage_velocities = np.empty((b.size, n))
-    stage_accelerations = np.empty((b.size, n))
-    for index in range(positions.shape[0]):
-        for part in range(forces.shape[1]):
-            _step(
-                positions[index], rates[index], step, forces[index, part], a, b,
-                stage_velocities, stage_accelerations, equations,
-            )  # fmt: skip
-    return positions, rates
-
-
-@numba.njit(cache=True)
-def _accelerations(displacements, velocities, forces, *equations):
-    accelerations = np.empty_like(displacements)
-    for index in range(displacements.shape[0]):
-        _acceleration(
-            displacements[index], velocities[index], forces[index], accelerations[index],
-            *equations,
-        )  # fmt: skip
-    return accelerations

@@ -4,17 +4,16 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identnl_ros.core.blocks import ChannelStatus, SampleBlock, stamp_after
 from identnl_ros.core.equilibrium import static_equilibrium
 from identnl_ros.core.errors import LayoutError
 from identnl_ros.core.excitation import Signal
-from identnl_ros.core.layout import Layout, SensorKind
+from identnl_ros.core.layout import Layout, Sensor, SensorKind
 from identnl_ros.core.model import Model
 from identnl_ros.core.observation import sensor_matrix
 from identnl_ros.core.simulation import Simulation, steps_per_sample
+import numpy as np
+from numpy.typing import NDArray
 
 # Samples computed at once; independent of the blocks, so that these do not change a bit.
 CHUNK = 512
@@ -146,7 +145,7 @@ class SimulatedStand:
         )
 
     def _chunk(self) -> NDArray[np.float64]:
-        """Readings of the next CHUNK samples in SI, as the declared layout understands them."""
+        """Take the next CHUNK samples in SI, as the declared layout understands them."""
         fractions = tuple(sorted({0.0, *(delay.fraction for delay in self._delays)}))
         motions = self._simulation.advance(CHUNK, fractions)
         start = self._chunk_index * CHUNK / self._rate
@@ -187,7 +186,7 @@ class SimulatedStand:
         return np.where(lost, np.nan, readings)
 
     def _at_rest(self, rest: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Readings before the start, as many as each sensor is late."""
+        """Give the readings before the start, as many as each sensor is late."""
         before = np.zeros(len(self._delays))
         before[list(self._actual.of_kind(SensorKind.DISPLACEMENT))] = (
             self._rows[SensorKind.DISPLACEMENT] @ rest
@@ -198,7 +197,7 @@ class SimulatedStand:
         ]
 
 
-def _delay(sensor, sample_rate: float) -> _Delayed:
+def _delay(sensor: Sensor, sample_rate: float) -> _Delayed:
     if sensor.delay < 0:
         raise LayoutError(
             f'sensor {sensor.name}: a simulated sensor cannot be early, '

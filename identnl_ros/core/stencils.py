@@ -29,7 +29,7 @@ def stencil(derivative: int, offset: float, half_width: int) -> NDArray[np.float
 
     """
     nodes = np.arange(-half_width, half_width + 1, dtype=np.float64) - offset
-    weights = np.zeros((derivative + 1, nodes.size))
+    weights: NDArray[np.float64] = np.zeros((derivative + 1, nodes.size))
     weights[0, 0] = 1.0
     previous_product = 1.0
     for j in range(1, nodes.size):
@@ -46,4 +46,4 @@ def stencil(derivative: int, offset: float, half_width: int) -> NDArray[np.float
             lower = latest[k - 1] if k else 0.0
             weights[k, j] = previous_product / product * (k * lower - nodes[j - 1] * latest[k])
         previous_product = product
-    return weights[derivative]
+    return weights[derivative].copy()

@@ -4,9 +4,6 @@
 
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identnl_ros.core.blocks import MotionBlock, SampleBlock, stamp_after
 from identnl_ros.core.continuity import Arrival, StreamFollower
 from identnl_ros.core.errors import DataError, LayoutError
@@ -14,6 +11,8 @@ from identnl_ros.core.layout import Layout, SensorKind
 from identnl_ros.core.model import Model
 from identnl_ros.core.observation import Observation, observe_force, observe_motion
 from identnl_ros.core.stencils import stencil
+import numpy as np
+from numpy.typing import NDArray
 
 # Differences over 17 samples: exact to 1e-9 up to a tenth of the sample rate.
 HALF_WIDTH = 8
@@ -88,9 +87,9 @@ class MotionTransform:
         return tuple(name for name, rate in rates if rate.derived)
 
     @property
-    def noise_stated(self) -> bool:
-        """Whether every sensor's noise is known."""
-        return not any(np.isnan(sensor.noise) for sensor in self._layout.sensors)
+    def displacement_covariance(self) -> NDArray[np.float64]:
+        """Of the coordinates at one sample under the stated noise."""
+        return self._displacement.covariance
 
     def add(self, block: SampleBlock) -> MotionBlock | None:
         """

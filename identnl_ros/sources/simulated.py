@@ -6,24 +6,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identnl_ros.core.blocks import SampleBlock
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.excitation import (
     Impulses,
+    multisine,
     RecordedForce,
     Signal,
-    Sweep,
-    multisine,
     sine,
+    Sweep,
 )
 from identnl_ros.core.layout import Layout
 from identnl_ros.core.machine import ExcitationPoint, Machine
 from identnl_ros.core.model import assemble
 from identnl_ros.core.stand import SimulatedStand
 from identnl_ros.storage.stand_description import StandDescription
+import numpy as np
+from numpy.typing import NDArray
 
 BLOCK_DURATION = 0.01
 IMPULSE_INTERVAL = 1.0
@@ -100,8 +99,8 @@ class TestRun:
                 f'simulation: band is {self.band[0]} to {self.band[1]} Hz, '
                 'expected two positive numbers, the lower one first'
             )
-        if self.excitation is Excitation.RECORDED and self.recorded_force is None:
-            raise DataError('simulation: a recorded excitation needs the recorded force')
+        if (self.excitation is Excitation.RECORDED) == (self.recorded_force is None):
+            raise DataError('simulation: a recorded excitation and a recorded force go together')
         if self.samples < 1:
             raise DataError(
                 f'simulation: {self.duration} s at {self.sample_rate} Hz is less than a sample'
@@ -202,6 +201,9 @@ def _signals(
         amplitude = run.amplitude or point.amplitude
         frequency = run.frequency or point.frequency
         band = run.band or point.band
+        if run.recorded_force is not None:
+            signals.append(RecordedForce(run.recorded_force, run.sample_rate))
+            continue
         match run.excitation:
             case Excitation.SINE:
                 signals.append(sine(amplitude, frequency))
@@ -212,6 +214,4 @@ def _signals(
             case Excitation.IMPULSE:
                 # Half a period of the highest frequency asked for.
                 signals.append(Impulses(amplitude, 0.5 / band[1], IMPULSE_INTERVAL))
-            case Excitation.RECORDED:
-                signals.append(RecordedForce(run.recorded_force, run.sample_rate))
     return tuple(signals)

@@ -1,0 +1,78 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""`identnl check`: tell whether files are sound."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome
+
+if TYPE_CHECKING:
+    from identnl_ros.sources.soundness import Findings
+
+
+@click.command('check')
+@click.argument('paths', nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    '--machine',
+    type=click.Path(path_type=Path),
+    help='Machine file that layouts and bags have to fit.',
+)
+@reporting
+def command(paths: tuple[Path, ...], machine: Path | None) -> Outcome:
+    """
+    Check machine files, layout files and bags.
+
+    YAML files are told apart by their content; everything else is taken for a bag. Exit code
+    1: something is not sound.
+    """
+    findings = [_check(path, machine) for path in paths]
+    sound = all(one.sound for one in findings)
+    document = {
+        'sound': sound,
+        'files': [
+            {
+                'path': str(one.path),
+                'kind': one.kind,
+                'sound': one.sound,
+                'problems': one.problems,
+                **one.facts,
+            }
+            for one in findings
+        ],
+    }
+    return Outcome(document, lambda: _show(findings), DONE if sound else NEGATIVE)
+
+
+def _check(path: Path, machine: Path | None) -> 'Findings':
+    from identnl_ros.sources.soundness import check_bag, check_layout, check_machine
+
+    if path.suffix not in ('.yaml', '.yml'):
+        return check_bag(path, machine)
+    try:
+        text = path.read_text('utf-8', errors='replace')
+    except OSError:
+        text = ''
+    if any(line.startswith('sensors:') for line in text.splitlines()):
+        return check_layout(path, machine)
+    return check_machine(path)
+
+
+def _show(findings: 'list[Findings]') -> None:
+    for one in findings:
+        click.echo(f'{one.path}: {one.kind}, {"sound" if one.sound else "NOT sound"}')
+        for problem in one.problems:
+            click.echo(f'  problem: {problem}')
+        for key, value in one.facts.items():
+            click.echo(f'  {key.replace("_", " ")}: {_short(value)}')
+
+
+def _short(value: object) -> str:
+    if isinstance(value, dict):
+        return ', '.join(f'{name} {_short(one)}' for name, one in value.items())
+    if isinstance(value, list):
+        if value and isinstance(value[0], dict) and 'name' in value[0]:
+            return f'{len(value)}: ' + ', '.join(str(one['name']) for one in value)
+        return ', '.join(_short(one) for one in value)
+    return f'{value:.4g}' if isinstance(value, float) else str(value)

@@ -1,0 +1,183 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""`identnl simulate`: a bag recorded on the simulated stand."""
+
+import json
+from pathlib import Path
+
+import click
+from identnl_ros.cli.output import command as reporting, Outcome, say
+from identnl_ros.cli.progress import progress
+from identnl_ros.cli.quantity_types import FORCE, FREQUENCY, NOISE, TIME
+from identnl_ros.core.errors import DataError
+from identnl_ros.core.layout import Layout
+from identnl_ros.core.machine import Machine
+import numpy as np
+from numpy.typing import NDArray
+
+DEFAULT_RATE = 10_000.0
+
+
+@click.command('simulate')
+@click.option('--machine', required=True, type=click.Path(path_type=Path), help='Machine file.')
+@click.option(
+    '--layout',
+    type=click.Path(path_type=Path),
+    help='Layout file; without it, MACHINE_layout.yaml beside the machine file.',
+)
+@click.option(
+    '--excitation',
+    type=click.Choice(['sine', 'multisine', 'sweep', 'impulse', 'recorded']),
+    default='multisine',
+    show_default=True,
+)
+@click.option(
+    '--duration',
+    type=TIME,
+    default=4.0,
+    show_default=True,
+    help='[s]',
+)
+@click.option(
+    '--rate',
+    type=FREQUENCY,
+    help='Sample rate [Hz]; without it, that of the layout file or 10 kHz.',
+)
+@click.option(
+    '--noise',
+    type=NOISE,
+    default='nominal',
+    show_default=True,
+    help='Factor on the noise that the layout states.',
+)
+@click.option(
+    '--seed',
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help='A seed gives the same bytes again.',
+)
+@click.option(
+    '--amplitude',
+    type=FORCE,
+    help='Of every exciter [N]; without it, that of the machine file.',
+)
+@click.option(
+    '--frequency', type=FREQUENCY, help='Of a sine [Hz]; without it, that of the machine file.'
+)
+@click.option(
+    '--band',
+    nargs=2,
+    type=FREQUENCY,
+    help='Of a multisine or sweep [Hz]; without it, that of the machine file.',
+)
+@click.option(
+    '--period',
+    type=TIME,
+    default=1.0,
+    show_default=True,
+    help='Of a multisine [s].',
+)
+@click.option(
+    '--force',
+    'force_file',
+    type=click.Path(path_type=Path),
+    help='Recorded excitation: text file, one force [N] a line, at the sample rate.',
+)
+@click.option(
+    '--out',
+    required=True,
+    type=click.Path(path_type=Path),
+    help='Bag to write: a file if it ends in .mcap, else a folder.',
+)
+@reporting
+def command(
+    machine: Path,
+    layout: Path | None,
+    excitation: str,
+    duration: float,
+    rate: float | None,
+    noise: float,
+    seed: int,
+    amplitude: float | None,
+    frequency: float | None,
+    band: tuple[float, float] | None,
+    period: float,
+    force_file: Path | None,
+    out: Path,
+) -> Outcome:
+    """Run the simulated stand and record its sensors in a bag, with the true parameters."""
+    from identnl_ros.sources.simulated import Excitation, SimulatedSource, TestRun
+    from identnl_ros.storage.bag_writer import BagWriter
+    from identnl_ros.storage.machine_file import load_machine
+
+    machine_file = load_machine(machine)
+    layout_object, layout_text = _layout(machine, layout, machine_file.machine)
+    run = TestRun(
+        Excitation(excitation),
+        duration,
+        rate or layout_object.sample_rate or DEFAULT_RATE,
+        noise,
+        seed,
+        amplitude,
+        frequency,
+        band,
+        period,
+        _recorded_force(force_file, excitation),
+    )
+    with BagWriter(out) as bag:
+        source = SimulatedSource(
+            machine_file.machine, layout_object, run, machine_file.text, layout_text
+        )
+        bag.write_description(source.description)
+        with progress('simulating', run.samples) as advance:
+            for block in source.blocks():
+                bag.write_block(block)
+                advance(block.samples.shape[0])
+        bag.write_metadata('identnl.truth', {'parameters': json.dumps(source.truth)})
+    document = {
+        'bag': str(out),
+        'machine': machine_file.machine.name,
+        'excitation': excitation,
+        'duration': run.samples / run.sample_rate,
+        'sample_rate': run.sample_rate,
+        'samples': run.samples,
+        'channels': [sensor.name for sensor in layout_object.sensors],
+        'noise': noise,
+        'seed': seed,
+        'true_parameters': source.truth,
+    }
+    return Outcome(
+        document,
+        lambda: click.echo(
+            f'{out}: {run.samples} samples of {len(layout_object.sensors)} channels at '
+            f'{run.sample_rate:g} Hz'
+        ),
+    )
+
+
+def _layout(machine_path: Path, path: Path | None, machine: Machine) -> tuple[Layout, str]:
+    """Load the layout that was asked for, the one beside the machine, or one seeing all."""
+    from identnl_ros.core.complete_layout import complete_layout
+    from identnl_ros.storage.layout_file import default_layout_path, load_layout
+
+    beside = default_layout_path(machine_path)
+    if path is None and not beside.exists():
+        say(
+            f'no --layout and no {beside}: using three-axis sensors of displacement, velocity '
+            'and acceleration at three points of every body'
+        )
+        return complete_layout(machine), ''
+    file = load_layout(path or beside)
+    return file.layout, file.text
+
+
+def _recorded_force(path: Path | None, excitation: str) -> NDArray[np.float64] | None:
+    if (path is None) == (excitation == 'recorded'):
+        raise DataError('--force FILE and --excitation recorded go together')
+    if path is None:
+        return None
+    try:
+        return np.loadtxt(path, dtype=np.float64, ndmin=1).reshape(-1)
+    except ValueError as error:
+        raise DataError(f'{path}: expected one force in N a line; {error}') from None

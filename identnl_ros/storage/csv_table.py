@@ -1,0 +1,230 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of numbers in text files, read a piece at a time, with line numbers in all errors."""
+
+from collections.abc import Callable, Iterator, Sequence
+from difflib import get_close_matches
+from io import BufferedReader, StringIO, TextIOWrapper
+from operator import itemgetter
+from pathlib import Path
+import stat
+
+from identnl_ros.core.errors import DataError
+import numpy as np
+from numpy.typing import NDArray
+
+HEAD_SIZE = 2**20  # [bytes] in which the first row must end
+MOST_NAMES_SHOWN = 40
+
+Progress = Callable[[int, int], None]
+
+
+class CsvTable:
+    """
+    A text file with a column for each channel and a row for each sample.
+
+    Cells are separated by tabs, semicolons, commas or blanks; what the first row has decides.
+    Empty lines and what follows a ``#`` are skipped. The names stand in the first row or in
+    the comment before it; without them columns go by number.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or has no rows.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the names of the columns."""
+        self.path = path
+        self._find_head()
+
+    def column(self, name: str, wanted_by: str) -> int:
+        """
+        Find a column.
+
+        Parameters
+        ----------
+        name : str
+            Its name, or its number from 1.
+        wanted_by : str
+            For the error.
+
+        Returns
+        -------
+        int
+            Index from 0.
+
+        Raises
+        ------
+        DataError
+            If there is none or there are several of the name.
+
+        """
+        count = self.names.count(name)
+        if count == 1:
+            return self.names.index(name)
+        if count > 1:
+            raise DataError(
+                f'{self.path}: {count} columns are called {name!r} ({wanted_by}); '
+                'give the number of the column in the layout'
+            )
+        if name.isdecimal() and 1 <= int(name) <= self.width:
+            return int(name) - 1
+        close = get_close_matches(name, self.names, 1)
+        suggestion = f', did you mean {close[0]!r}?' if close else ''
+        raise DataError(
+            f'{self.path}: no column {name!r} ({wanted_by}){suggestion}; '
+            f'the file has {self._shown_names()}; correct the key column in the layout'
+        )
+
+    def rows(
+        self, columns: Sequence[int], count: int, progress: Progress | None = None
+    ) -> Iterator[tuple[int, NDArray[np.float64]]]:
+        """
+        Read the numbers of some columns.
+
+        Parameters
+        ----------
+        columns : sequence of int
+            Indices from 0.
+        count : int
+            Rows in a piece.
+        progress : callable or None
+            Called with the bytes read and the size of the file after every piece.
+
+        Yields
+        ------
+        tuple of int and ndarray
+            Number of the piece's first line and its rows; empty cells are NaN.
+
+        Raises
+        ------
+        DataError
+            If a row is too short or too long, or a cell holds something else than a number.
+
+        """
+        pick = itemgetter(*columns) if len(columns) > 1 else lambda cells: (cells[columns[0]],)
+        size = self.path.stat().st_size
+        with self.path.open('rb') as binary, _as_text(binary) as text:
+            values: list[list[float]] = []
+            first = self._first_line
+            for number, line in enumerate(text, 1):
+                if number < self._first_line:
+                    continue
+                cells = self._cells(line)
+                if len(cells) != self.width:
+                    if not any(cell.strip() for cell in cells):
+                        continue
+                    if len(cells) != self.width + 1 or cells[-1].strip():
+                        raise DataError(
+                            f'{self.path}:{number}: {len(cells)} cells, expected {self.width} as '
+                            f'in line {self._first_line}; repair or remove the row'
+                        )
+                if not values:
+                    first = number
+                try:
+                    values.append(list(map(float, pick(cells))))
+                except ValueError:
+                    values.append([self._number(cells[column], number) for column in columns])
+                if len(values) == count:
+                    yield first, np.array(values)
+                    values = []
+                    if progress:
+                        progress(binary.tell(), size)
+            if values:
+                yield first, np.array(values)
+            if progress:
+                progress(size, size)
+
+    def _find_head(self) -> None:
+        """Find the separator, the names and the first line of numbers."""
+        try:
+            if not stat.S_ISREG(self.path.stat().st_mode):
+                raise DataError(f'{self.path} is not a file; give the path of a CSV file')
+            with self.path.open('rb') as binary:
+                head = binary.read(HEAD_SIZE)
+        except FileNotFoundError:
+            raise DataError(f'{self.path} does not exist; give the path of a CSV file') from None
+        except OSError as error:
+            raise DataError(f'{self.path} cannot be read: {error.strerror or error}') from None
+        if b'\0' in head or (len(head) == HEAD_SIZE and b'\n' not in head.replace(b'\r', b'\n')):
+            raise DataError(
+                f'{self.path} is not a text file in UTF-8 or ASCII; export it as CSV from the '
+                'program that made it'
+            )
+        comment = ''
+        named = False
+        self.names: list[str] = []
+        for number, line in enumerate(_lines(head), 1):
+            content, _, remark = line.partition('#')
+            if not content.strip():
+                comment = remark if remark.strip() else comment
+                continue
+            if not named:
+                self._separator = next((mark for mark in '\t;,' if mark in content), None)
+            cells = _without_empty_end(self._cells(content))
+            if not named and not all(_is_number(cell) for cell in cells):
+                self.names, named = [cell.strip() for cell in cells], True
+                continue
+            self.width = len(self.names) if named else len(cells)
+            remarked = [cell.strip() for cell in self._cells(comment)]
+            if not named and len(remarked) == self.width:
+                self.names = remarked
+            self._first_line = number
+            return
+        raise DataError(
+            f'{self.path} has no rows of numbers; expected a row of names and a row of numbers '
+            'for each sample'
+        )
+
+    def _cells(self, line: str) -> list[str]:
+        if '#' in line:
+            line = line.split('#')[0]
+        if '"' in line:
+            line = line.replace('"', '')
+        return line.split(self._separator)
+
+    def _number(self, cell: str, line: int) -> float:
+        """Convert a cell that may be empty or wrong."""
+        text = cell.strip()
+        if not text:
+            return float('nan')
+        try:
+            return float(text)
+        except ValueError:
+            hint = ', with a decimal point' if ',' in text else ''
+            raise DataError(
+                f'{self.path}:{line}: {text[:40]!r} is not a number{hint}; '
+                'correct it, or start the line with # to skip it'
+            ) from None
+
+    def _shown_names(self) -> str:
+        if not self.names:
+            return f'no names but the columns 1 to {self.width}'
+        shown = ', '.join(self.names[:MOST_NAMES_SHOWN])
+        return f'{shown}{" and more" if len(self.names) > MOST_NAMES_SHOWN else ""}'
+
+
+def _as_text(binary: BufferedReader) -> TextIOWrapper:
+    return TextIOWrapper(binary, 'utf-8-sig', 'replace')
+
+
+def _lines(head: bytes) -> Iterator[str]:
+    return iter(StringIO(head.decode('utf-8-sig', 'replace'), newline=None))
+
+
+def _without_empty_end(cells: list[str]) -> list[str]:
+    return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return not cell.strip()
+    return True

@@ -1,0 +1,224 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""CSV files of other programs become bags, or an error names the line and the remedy."""
+
+from dataclasses import replace
+import resource
+
+from identnl_ros.core.blocks import ChannelStatus
+from identnl_ros.core.errors import DataError
+from identnl_ros.core.layout import Layout, Sensor, SensorKind
+from identnl_ros.storage.bag_reader import open_bag
+from identnl_ros.storage.csv_import import import_csv, read_csv
+import numpy as np
+import pytest
+
+SENSORS = (
+    Sensor('force', SensorKind.FORCE, excitation='table', column='F', gain=0.01, offset=0.5),
+    Sensor('probe', SensorKind.DISPLACEMENT, body='knee', column='x 1', gain=8000.0),
+)
+LAYOUT = Layout(SENSORS, 'mill', 1000.0)
+TIMED = replace(LAYOUT, sample_rate=None)
+ROWS = [[1.5, 2.0], [-3.25, 4e-3], [0.1, -1e3]]
+
+
+def read(tmp_path, text, layout=LAYOUT, **options):
+    path = tmp_path / 'a.csv'
+    path.write_bytes(text if isinstance(text, bytes) else text.encode(**options))
+    rate, pieces = read_csv(path, layout)
+    return rate, np.vstack(list(pieces))
+
+
+def si(rows):
+    rows = np.array(rows)
+    return np.column_stack([SENSORS[0].to_si(rows[:, 0]), SENSORS[1].to_si(rows[:, 1])])
+
+
+def error_of(tmp_path, text, layout=LAYOUT):
+    with pytest.raises(DataError) as caught:
+        read(tmp_path, text, layout)
+    assert '\n' not in str(caught.value)
+    return str(caught.value).removeprefix(str(tmp_path / 'a.csv'))
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        'F,x 1\n1.5,2.0\n-3.25,4e-3\n0.1,-1000\n',
+        'x 1,note,F\n2,a,1.5\n.004,b,-3.25\n-1E3,,0.1',
+        ' F , x 1 ,\n 1.5 , 2.0 ,\n-3.25,4e-3,\n0.1,-1000,\n',
+        'F,x 1\n1.5,2.0,\n-3.25,4e-3\n0.1,-1000,\n',
+        'F;x 1\r\n1.5;2.0\r\n-3.25;4e-3\r\n0.1;-1000\r\n',
+        'F\tx 1\n1.5\t2.0\n-3.25\t4e-3\n0.1\t-1000\n',
+        '# made by a logger\n\n"F","x 1"\n# units: V\n1.5,2.0\n\n"-3.25",4e-3 # odd\n0.1,-1000\n',
+        '\ufeffF,x 1\n1.5,2.0\n-3.25,4e-3\n0.1,-1000\n',
+        '# F,x 1\n1.5,2.0\n-3.25,4e-3\n0.1,-1000\n',
+        b'F,x 1,\xb5\n1.5,2.0,0\n-3.25,4e-3,0\n0.1,-1000,0\n',
+    ],
+    ids=[
+        'plain', 'order', 'blanks', 'trailing', 'semicolon', 'tab', 'comments', 'mark', 'savetxt',
+        'latin1',
+    ],
+)  # fmt: skip
+def test_forms_of_the_same_table_give_the_same_samples(tmp_path, text):
+    rate, samples = read(tmp_path, text)
+    assert rate == 1000
+    assert samples.tobytes() == si(ROWS).tobytes()
+
+
+@pytest.mark.parametrize('separator', [',', ' ', '\t'])
+def test_columns_by_number_where_there_are_no_names(tmp_path, separator):
+    layout = Layout(
+        (replace(SENSORS[0], column='3'), replace(SENSORS[1], column='1')), 'mill', 1000.0
+    )
+    text = '\n'.join(separator.join(map(str, [x, 0, force])) for force, x in ROWS)
+    _, samples = read(tmp_path, text, layout)
+    assert samples.tobytes() == si(ROWS).tobytes()
+
+
+def test_numbers_are_read_to_the_last_bit(tmp_path):
+    values = np.random.default_rng(1).standard_normal((500, 2))
+    text = 'F,x 1\n' + '\n'.join(f'{float(a)!r},{float(b)!r}' for a, b in values)
+    _, samples = read(tmp_path, text)
+    assert samples.tobytes() == si(values).tobytes()
+
+
+@pytest.mark.parametrize('empty', ['', ' ', 'NaN', 'nan'])
+def test_empty_cells_are_missing_samples(tmp_path, empty):
+    _, samples = read(tmp_path, f'F,x 1\n1.5,{empty}\n{empty},2\n')
+    assert np.isnan(samples).tolist() == [[False, True], [True, False]]
+
+
+@pytest.mark.parametrize('name', ['time', 'T', 'Time [s]', 't (s)', 'time_s'])
+def test_sample_rate_comes_from_the_time_column(tmp_path, name):
+    times = 3600 + np.arange(3000) / 12_800
+    text = f'{name},F,x 1\n' + ''.join(f'{float(t)!r},1,2\n' for t in times)
+    rate, samples = read(tmp_path, text, TIMED)
+    assert rate == 12_800
+    assert len(samples) == 3000
+
+
+@pytest.mark.parametrize('at', [1, 2, 30, 500, 999])
+def test_jump_of_time_is_refused_wherever_it_is(tmp_path, at):
+    times = np.arange(2000) / 1000
+    times[at:] += 2e-5
+    text = 'time,F,x 1\n' + ''.join(f'{t:.9f},1,2\n' for t in times)
+    message = error_of(tmp_path, text, TIMED)
+    assert 'time is not uniform: near line' in message
+    assert 'give sample_rate [Hz] in the layout' in message
+
+
+def test_jump_between_two_pieces_is_refused(tmp_path):
+    times = np.arange(200_000) / 100_000
+    times[100_000:] += 1e-5
+    text = 'time,F,x 1\n' + ''.join(f'{t:.9f},1,2\n' for t in times)
+    assert 'near line 100002 it steps by 2e-05 s' in error_of(tmp_path, text, TIMED)
+
+
+def test_time_that_stands_still_is_refused(tmp_path):
+    text = 'time,F,x 1\n0,1,2\n0,1,2\n'
+    assert 'the time does not increase' in error_of(tmp_path, text, TIMED)
+
+
+def test_unknown_sample_rate_is_refused(tmp_path):
+    message = error_of(tmp_path, 'F,x 1\n1,2\n', TIMED)
+    assert 'no column "time" in seconds; give sample_rate' in message
+
+
+@pytest.mark.parametrize(
+    ('text', 'expected'),
+    [
+        (
+            'F,x1\n1,2\n',
+            ": no column 'x 1' (sensor probe), did you mean 'x1'?; the file has F, x1",
+        ),
+        ('1,2\n', ": no column 'F' (sensor force); the file has no names but the columns 1 to 2"),
+        ('F,x 1,F\n1,2,3\n', ": 2 columns are called 'F' (sensor force); give the number"),
+        ('F,x 1\n1,2\n1,off\n', ":3: 'off' is not a number; correct it"),
+        ('F,x 1\nN,m\n1,2\n', ":2: 'N' is not a number; correct it, or start the line with #"),
+        ('F;x 1\n1,5;2\n', ":2: '1,5' is not a number, with a decimal point"),
+        ('# one\n\nF,x 1\n1,2\n\n1\n', ':6: 1 cells, expected 2 as in line 4'),
+        ('F,x 1\n1,2\n1,2,3\n', ':3: 3 cells, expected 2'),
+        ('', ' has no rows of numbers'),
+        ('F,x 1\n', ' has no rows of numbers'),
+        ('# F\n\n', ' has no rows of numbers'),
+        (b'\xff\xfeF\0,\0x\0\n\0', ' is not a text file'),
+        (b'\x89MCAP0\r\n\0\0', ' is not a text file'),
+    ],
+)
+def test_unsound_file_is_refused_with_the_place(tmp_path, text, expected):
+    assert error_of(tmp_path, text).startswith(expected)
+
+
+def test_error_far_into_a_file_names_its_line_and_leaves_no_bag(tmp_path):
+    text = 'F,x 1\n' + '1,2\n' * 5000 + '1,oops\n' + '1,2\n' * 100
+    (tmp_path / 'a.csv').write_text(text)
+    with pytest.raises(DataError, match=r"a\.csv:5002: 'oops' is not a number"):
+        import_csv(tmp_path / 'a.csv', LAYOUT, tmp_path / 'a.mcap')
+    assert not (tmp_path / 'a.mcap').exists()
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize('name', ['missing.csv', '.'])
+def test_path_that_is_no_file(tmp_path, name):
+    with pytest.raises(DataError, match=r'does not exist|is not a file'):
+        read_csv(tmp_path / name, LAYOUT)
+
+
+def test_bag_holds_the_samples_their_state_and_the_texts(tmp_path):
+    values = np.random.default_rng(1).standard_normal((130, 2))
+    lines = [f'{float(a)!r},{float(b)!r}' for a, b in values]
+    lines[60] = '1,'
+    lines[110] = 'inf,1'
+    (tmp_path / 'a.csv').write_text('F,x 1\n' + '\n'.join(lines))
+    seen = []
+    count = import_csv(
+        tmp_path / 'a.csv',
+        LAYOUT,
+        tmp_path / 'bag',
+        layout_text='layout',
+        machine_text='machine',
+        stream_id=5,
+        start_ns=10**9,
+        progress=lambda done, size: seen.append((done, size)),
+    )
+    assert count == 130
+    bag = open_bag(tmp_path / 'bag')
+    stream = bag.description
+    assert (stream.stand, stream.stream_id, stream.sample_rate) == ('mill', 5, 1000)
+    assert (stream.layout_text, stream.machine_text) == ('layout', 'machine')
+    found = list(bag.blocks())
+    assert [len(block.samples) for block in found] == [50, 50, 30]
+    assert [block.last for block in found] == [False, False, True]
+    assert [block.first_index for block in found] == [0, 50, 100]
+    assert found[1].stamp_ns == 10**9 + 50_000_000
+    assert [block.channel_status.tolist() for block in found] == [
+        [0, 0],
+        [0, ChannelStatus.MISSING_SAMPLES],
+        [ChannelStatus.SATURATED, 0],
+    ]
+    assert np.isnan(found[1].samples[10, 1])
+    assert np.isnan(found[2].samples[10, 0])
+    assert found[0].samples.tobytes() == si(values[:50]).tobytes()
+    size = (tmp_path / 'a.csv').stat().st_size
+    assert seen[-1] == (size, size)
+
+
+def test_same_stream_id_gives_the_same_bag_and_none_a_new_one(tmp_path):
+    (tmp_path / 'a.csv').write_text('F,x 1\n1,2\n')
+    for name, stream_id in (('a', 5), ('b', 5), ('c', None), ('d', None)):
+        import_csv(tmp_path / 'a.csv', LAYOUT, tmp_path / f'{name}.mcap', stream_id=stream_id)
+    a, b, c, d = ((tmp_path / f'{name}.mcap').read_bytes() for name in 'abcd')
+    assert a == b
+    assert c != d
+
+
+def test_long_file_is_read_with_bounded_memory(tmp_path):
+    with (tmp_path / 'a.csv').open('w') as stream:
+        stream.write('F,x 1\n')
+        for _ in range(300):
+            stream.write('0.12345678901234567,0.12345678901234567\n' * 1000)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert import_csv(tmp_path / 'a.csv', LAYOUT, tmp_path / 'a.mcap') == 300_000
+    growth = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert growth * 1024 < (tmp_path / 'a.csv').stat().st_size / 2

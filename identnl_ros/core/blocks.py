@@ -92,7 +92,9 @@ class MotionBlock:
         [m, rad], [m/s, rad/s], [m/s^2, rad/s^2], [N, N m]; NaN: not known at this sample.
     displacement_covariance, velocity_covariance, acceleration_covariance, force_covariance :
         ndarray, shape (n_coordinates, n_coordinates). Covariance of one sample under the
-        stated sensor noise; NaN where that is not stated.
+        sensors' noise; NaN while that is neither stated nor estimated.
+    noise_estimated : bool
+        Some sensor's noise is not stated but estimated from its samples.
     velocity_derived, acceleration_derived : bool
         At least partly the first, second derivative of displacement, not measured.
 
@@ -116,6 +118,7 @@ class MotionBlock:
     velocity_covariance: NDArray[np.float64]
     acceleration_covariance: NDArray[np.float64]
     force_covariance: NDArray[np.float64]
+    noise_estimated: bool = False
     velocity_derived: bool = False
     acceleration_derived: bool = False
     last: bool = False

@@ -33,6 +33,8 @@ class IdentifierState:
         Of all complete batches.
     noise_gram : ndarray, shape (n_unknowns, n_unknowns)
         Expected contribution of sensor noise to ``Phi^T Phi``.
+    noise_samples : int
+        Instants at which the sensor noise was known.
     pending : ndarray, shape (n_pending, 4, n_coordinates)
         Displacement, velocity, acceleration, force of instants not yet factored.
     samples, rejected : int
@@ -44,6 +46,7 @@ class IdentifierState:
 
     information: Information
     noise_gram: NDArray[np.float64]
+    noise_samples: int
     pending: NDArray[np.float64]
     samples: int
     rejected: int
@@ -93,6 +96,8 @@ class Identifier:
         size = len(self._unknowns)
         self._information = Information.empty(size)
         self._noise_gram = np.zeros((size, size))
+        self._noise_samples = 0
+        self._noise_estimated = False
         self._pending = np.empty((0, 4, len(self._model.coordinates)))
         self._samples = 0
         self._rejected = 0
@@ -118,6 +123,7 @@ class Identifier:
         return IdentifierState(
             self._information,
             self._noise_gram,
+            self._noise_samples,
             self._pending,
             self._samples,
             self._rejected,
@@ -148,6 +154,7 @@ class Identifier:
             raise DataError('the saved state belongs to a machine with other degrees of freedom')
         self._information = state.information
         self._noise_gram = state.noise_gram
+        self._noise_samples = state.noise_samples
         self._pending = state.pending
         self._samples = state.samples
         self._rejected = state.rejected
@@ -196,10 +203,11 @@ class Identifier:
             )
             if derived
         }
-        if valid.any():
-            self._noise_gram = self._noise_gram + self._regression.noise_gram(
-                block.displacement[valid], block
-            )
+        self._noise_estimated |= block.noise_estimated
+        gram = self._regression.noise_gram(block.displacement[valid], block)
+        if np.isfinite(gram).all():
+            self._noise_gram = self._noise_gram + gram
+            self._noise_samples += int(valid.sum())
         self._pending = np.concatenate((self._pending, motion[valid]))
         while self._pending.shape[0] >= BATCH:
             self._information = self._factored(self._pending[:BATCH])
@@ -221,7 +229,7 @@ class Identifier:
         solution = information.solve()
         variance = solution.residual_squares / (information.rows - information.size)  # (47)
         covariance = variance * solution.inverse  # (45)
-        bias, bounded = _noise_bias(solution, self._noise_gram)
+        bias, bounded = self._noise_bias(solution)
         # The bias is known in size only as far as the noise is: it widens, it does not correct.
         # And no estimate is surer than the arithmetic behind it.
         covariance = covariance + np.outer(bias, bias) + np.diag(solution.rounding**2)
@@ -248,6 +256,23 @@ class Identifier:
             combinations=tuple(combination.in_words for combination in combinations),
             notes=self._notes(parameters),
         )
+
+    def _noise_bias(self, solution: Solution) -> tuple[NDArray[np.float64], bool]:
+        """
+        Find the bias of least squares from the noise in the regressor; False: unbounded.
+
+        With G the expected contribution of noise to Phi^T Phi, the estimate is about
+        ``(I - (Phi^T Phi)^-1 G)`` times the truth.
+
+        """
+        unbounded = np.full_like(solution.values, np.nan), False
+        if self._noise_samples == 0:
+            return unbounded
+        attenuation = solution.inverse @ self._noise_gram * (self._samples / self._noise_samples)
+        if np.max(np.abs(np.linalg.eigvals(attenuation)), initial=0.0) >= 0.5:
+            return unbounded
+        corrected = np.linalg.solve(np.eye(len(attenuation)) - attenuation, solution.values)
+        return solution.values - corrected, True
 
     def _factored(self, motion: NDArray[np.float64]) -> Information:
         regressor, target = self._regression.rows(*(motion[:, i] for i in range(4)))
@@ -279,7 +304,9 @@ class Identifier:
                 value,
                 float('nan'),
                 EstimateStatus.NOISE_LIMITED,
-                'sensor noise is as large as the information in these data',
+                'sensor noise is as large as the information in these data'
+                if self._noise_samples
+                else 'the noise of the sensors is not known',
             )
         deviation = float(np.sqrt(covariance[index, index]))
         statistical = float(np.sqrt(variance * solution.inverse[index, index]))
@@ -324,10 +351,10 @@ class Identifier:
                 f'The {name} is not (fully) measured: it is derived from the displacement, '
                 'which amplifies its noise.'
             )
-        if np.isnan(self._noise_gram).any():
+        if self._noise_estimated:
             notes.append(
-                "The layout does not state every sensor's noise: the bias that noise in the "
-                'measured motion causes is not known and not in the standard deviations.'
+                "The layout does not state every sensor's noise: it is estimated from the "
+                'fastest changes of the samples, rather too large than too small.'
             )
         if any(parameter.status is EstimateStatus.NOISE_LIMITED for parameter in parameters):
             notes.append(
@@ -336,22 +363,3 @@ class Identifier:
                 'same side.'
             )
         return tuple(notes)
-
-
-def _noise_bias(
-    solution: Solution, noise_gram: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], bool]:
-    """
-    Bias of least squares from the noise in the regressor, and whether it is bounded.
-
-    With G the expected contribution of noise to Phi^T Phi, the estimate is about
-    ``(I - (Phi^T Phi)^-1 G)`` times the truth.
-
-    """
-    if np.isnan(noise_gram).any() or not noise_gram.any():
-        return np.zeros_like(solution.values), True
-    attenuation = solution.inverse @ noise_gram
-    if np.max(np.abs(np.linalg.eigvals(attenuation)), initial=0.0) >= 0.5:
-        return np.full_like(solution.values, np.nan), False
-    corrected = np.linalg.solve(np.eye(len(attenuation)) - attenuation, solution.values)
-    return solution.values - corrected, True

@@ -122,7 +122,9 @@ class Sensor:
         length = float(np.linalg.norm(self.direction))
         if length < 1e-12:
             raise LayoutError(f'{where}: direction is zero, expected a vector of any length')
-        object.__setattr__(self, 'direction', self.direction / length)
+        # A unit vector stays what it is to the last bit.
+        if abs(length - 1) > 1e-15:
+            object.__setattr__(self, 'direction', self.direction / length)
         if not np.isfinite(self.gain) or self.gain == 0:
             raise LayoutError(f'{where}: gain is {self.gain}, expected a finite number, not 0')
         if not (np.isfinite(self.offset) and np.isfinite(self.delay)):

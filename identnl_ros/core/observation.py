@@ -26,8 +26,8 @@ class Observation:
         Columns of the sample block that are used.
     matrix : ndarray, shape (n_coordinates, n_channels)
         Coordinates = matrix @ readings; rows of coordinates not seen are meaningless.
-    covariance : ndarray, shape (n_coordinates, n_coordinates)
-        Of the coordinates under the stated noise; NaN where a noise is not stated.
+    noise_gain : ndarray, shape (n_channels,)
+        Factor on every sensor's noise from filters in front of the map.
     seen : ndarray, shape (n_coordinates, n_coordinates)
         Projector on the motions that these sensors determine.
     unseen : tuple of str
@@ -37,9 +37,27 @@ class Observation:
 
     channels: tuple[int, ...]
     matrix: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    noise_gain: NDArray[np.float64]
     seen: NDArray[np.float64]
     unseen: tuple[str, ...]
+
+    def covariance(self, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Propagate the noise of the sensors to the coordinates.
+
+        Parameters
+        ----------
+        noise : ndarray, shape (n_sensors_of_layout,)
+            Standard deviation of one sample of every sensor of the layout.
+
+        Returns
+        -------
+        ndarray, shape (n_coordinates, n_coordinates)
+            Of one sample.
+
+        """
+        variance = (noise[list(self.channels)] * self.noise_gain) ** 2
+        return (self.matrix * variance) @ self.matrix.T
 
 
 def sensor_matrix(model: Model, sensors: tuple[Sensor, ...]) -> NDArray[np.float64]:
@@ -106,7 +124,7 @@ def observe_motion(
     channels = layout.of_kind(kind)
     sensors = tuple(layout.sensors[channel] for channel in channels)
     rows = sensor_matrix(model, sensors)
-    noise, weights = _noise_and_weights(sensors, kind)
+    weights = _weights(sensors, kind)
     unseen = _unseen(rows, model)
     # Scale rows by the noise, columns to unit length: metres and radians on one footing.
     scaled = rows * weights[:, np.newaxis]
@@ -114,8 +132,7 @@ def observe_motion(
     lengths[lengths == 0] = 1.0
     inverse = np.linalg.pinv(scaled / lengths, rcond=SEEING_TOLERANCE)
     matrix = inverse / lengths[:, np.newaxis] * weights
-    covariance = (matrix * (noise * noise_gain[list(channels)]) ** 2) @ matrix.T
-    return Observation(channels, matrix, covariance, matrix @ rows, unseen)
+    return Observation(channels, matrix, noise_gain[list(channels)], matrix @ rows, unseen)
 
 
 def observe_force(model: Model, layout: Layout, noise_gain: NDArray[np.float64]) -> Observation:
@@ -142,7 +159,7 @@ def observe_force(model: Model, layout: Layout, noise_gain: NDArray[np.float64])
     """
     channels = layout.of_kind(SensorKind.FORCE)
     sensors = tuple(layout.sensors[channel] for channel in channels)
-    noise, weights = _noise_and_weights(sensors, SensorKind.FORCE)
+    weights = _weights(sensors, SensorKind.FORCE)
     names = [point.name for point in model.machine.excitations]
     for sensor in sensors:
         if sensor.excitation not in names:
@@ -164,24 +181,21 @@ def observe_force(model: Model, layout: Layout, noise_gain: NDArray[np.float64])
                 f'{model.machine.name}; add one, or remove the excitation from the machine file'
             )
         matrix += np.outer(direction, share / share.sum())
-    covariance = (matrix * (noise * noise_gain[list(channels)]) ** 2) @ matrix.T
-    return Observation(channels, matrix, covariance, np.eye(len(matrix)), ())
+    return Observation(channels, matrix, noise_gain[list(channels)], np.eye(len(matrix)), ())
 
 
-def _noise_and_weights(
-    sensors: tuple[Sensor, ...], kind: SensorKind
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Noise of each sensor and relative weights; equal ones where noise is not stated or none."""
+def _weights(sensors: tuple[Sensor, ...], kind: SensorKind) -> NDArray[np.float64]:
+    """Weigh sensors by their noise; alike where noise is not stated or there is none."""
     noise = np.array([sensor.noise for sensor in sensors])
     if np.isnan(noise).any() or not noise.any():
-        return noise, np.ones(len(sensors))
+        return np.ones(len(sensors))
     silent = [sensor.name for sensor in sensors if sensor.noise == 0]
     if silent:
         raise LayoutError(
             f'sensor {silent[0]}: noise is 0 while other {kind.value} sensors have some; '
             'state the noise of every sensor of a kind, or of none'
         )
-    return noise, noise.min() / noise
+    return np.asarray(noise.min() / noise)
 
 
 def _unseen(rows: NDArray[np.float64], model: Model) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from identnl_ros.core.continuity import Arrival, StreamFollower
 from identnl_ros.core.errors import DataError, LayoutError
 from identnl_ros.core.layout import Layout, SensorKind
 from identnl_ros.core.model import Model
+from identnl_ros.core.noise import NoiseEstimate
 from identnl_ros.core.observation import Observation, observe_force, observe_motion
 from identnl_ros.core.stencils import stencil
 import numpy as np
@@ -63,9 +64,9 @@ class MotionTransform:
                 '(displacement is needed, with its constant part)'
             )
         self._velocity, self._acceleration = (
-            _Rate.of(
+            _Rate(
                 observe_motion(model, layout, kind, noise_gain),
-                self._displacement.covariance,
+                self._displacement,
                 stencil(order, 0.0, HALF_WIDTH) * sample_rate**order,
             )
             for order, kind in ((1, SensorKind.VELOCITY), (2, SensorKind.ACCELERATION))
@@ -75,6 +76,9 @@ class MotionTransform:
         # Samples around an instant that its derivatives need, and that alignment needs.
         self._margin = HALF_WIDTH if derived else 0
         self._reach = self._margin + max(aligner.reach for aligner in self._aligners)
+        self._stated_noise = np.array([sensor.noise for sensor in layout.sensors])
+        self._noise_estimate = NoiseEstimate(len(layout.sensors))
+        self._update_covariances()
         self.follower = StreamFollower()
         self.counts = TransformCounts()
         self._buffer = np.empty((0, len(layout.sensors)))
@@ -87,9 +91,14 @@ class MotionTransform:
         return tuple(name for name, rate in rates if rate.derived)
 
     @property
+    def noise_estimated(self) -> bool:
+        """Whether the layout leaves out a noise that is estimated from the samples."""
+        return bool(np.isnan(self._stated_noise).any())
+
+    @property
     def displacement_covariance(self) -> NDArray[np.float64]:
-        """Of the coordinates at one sample under the stated noise."""
-        return self._displacement.covariance
+        """Of the coordinates at one sample; NaN while a noise is neither stated nor known."""
+        return self._covariances[0]
 
     def add(self, block: SampleBlock) -> MotionBlock | None:
         """
@@ -119,6 +128,9 @@ class MotionTransform:
             return None
         self.counts.blocks += 1
         self._count_missing(block)
+        if self.noise_estimated:
+            self._noise_estimate.add(block.samples)
+            self._update_covariances()
         if arrival is Arrival.IN_ORDER:
             self._buffer = np.concatenate((self._buffer, block.samples))
         else:
@@ -153,6 +165,17 @@ class MotionTransform:
             counts = self.counts.samples_without_reading
             counts[name] = counts.get(name, 0) + int(missing[channel])
 
+    def _update_covariances(self) -> None:
+        noise = np.where(
+            np.isnan(self._stated_noise),
+            self._noise_estimate.standard_deviation,
+            self._stated_noise,
+        )
+        self._covariances = tuple(
+            part.covariance(noise)
+            for part in (self._displacement, self._velocity, self._acceleration, self._force)
+        )
+
     def _motion(self, block: SampleBlock, ready: int) -> MotionBlock:
         # Aligned readings at the instants given out and the margin either side of them.
         count = ready + 2 * self._margin if ready else 0
@@ -178,50 +201,48 @@ class MotionTransform:
             velocity=velocity,
             acceleration=acceleration,
             force=force,
-            displacement_covariance=self._displacement.covariance,
-            velocity_covariance=self._velocity.covariance,
-            acceleration_covariance=self._acceleration.covariance,
-            force_covariance=self._force.covariance,
+            displacement_covariance=self._covariances[0],
+            velocity_covariance=self._covariances[1],
+            acceleration_covariance=self._covariances[2],
+            force_covariance=self._covariances[3],
+            noise_estimated=self.noise_estimated,
             velocity_derived=self._velocity.derived,
             acceleration_derived=self._acceleration.derived,
             last=block.last,
         )
 
 
-@dataclass(frozen=True)
 class _Rate:
     """Velocity or acceleration: measured where sensors see it, else differentiated."""
 
-    observation: Observation
-    derived_share: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-
-    @classmethod
-    def of(
-        cls,
-        observation: Observation,
-        displacement_covariance: NDArray[np.float64],
-        weights: NDArray[np.float64],
-    ) -> '_Rate':
-        share = np.zeros_like(displacement_covariance)
-        if observation.unseen:
-            share = np.eye(len(share)) - observation.seen
-        derived = share @ displacement_covariance @ share.T * float(weights @ weights)
-        return cls(observation, share, weights, observation.covariance + derived)
+    def __init__(
+        self, observation: Observation, displacement: Observation, weights: NDArray[np.float64]
+    ) -> None:
+        self._observation = observation
+        self._displacement = displacement
+        self._weights = weights
+        share = np.eye(len(observation.seen)) - observation.seen
+        self._derived_share = share if observation.unseen else np.zeros_like(share)
 
     @property
     def derived(self) -> bool:
-        return bool(self.observation.unseen)
+        return bool(self._observation.unseen)
+
+    def covariance(self, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+        measured = self._observation.covariance(noise)
+        if not self.derived:
+            return measured
+        share = self._derived_share * float(np.linalg.norm(self._weights))
+        return measured + share @ self._displacement.covariance(noise) @ share.T
 
     def of_motion(
         self, readings: NDArray[np.float64], displacement: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        measured = readings[:, self.observation.channels] @ self.observation.matrix.T
+        measured = readings[:, self._observation.channels] @ self._observation.matrix.T
         if not self.derived:
             return measured
         return measured + (
-            _convolve(displacement, self.weights, len(readings)) @ self.derived_share.T
+            _convolve(displacement, self._weights, len(readings)) @ self._derived_share.T
         )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 import math
 
 from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimate
-from identnl_ros.reports.paper_units import paper_unit
+from identnl_ros.reports.paper_units import readable_unit
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
@@ -87,7 +87,7 @@ def _table(title: str, parameters: list[ParameterEstimate], truth: Mapping[str, 
     # As in the paper: one kind of parameter after the other, joint by joint.
     symbols = list(dict.fromkeys(parameter.symbol for parameter in parameters))
     for parameter in sorted(parameters, key=lambda one: symbols.index(one.symbol)):
-        unit = paper_unit(parameter.unit)
+        unit = readable_unit(parameter.unit, parameter.value)
         part, _, _ = parameter.name.rpartition('.')
         cells = [f'{escape(part)} {_symbol(parameter)}', unit.name]
         if truth:

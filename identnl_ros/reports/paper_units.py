@@ -3,6 +3,7 @@
 """The units in which machine-tool engineers read stiffness: daN and micrometres."""
 
 from dataclasses import dataclass
+import math
 import re
 
 _FORCE_PER_LENGTH = re.compile(r'N(?:/m(?:\^(?P<power>[\d.]+))?)?')
@@ -48,3 +49,24 @@ def paper_unit(si_unit: str) -> PaperUnit:
     power = float(match['power'] or 1)
     suffix = {1.0: '', 2.0: '²', 3.0: '³'}.get(power, f'^{power:g}')
     return PaperUnit(f'daN/µm{suffix}', 10.0 * 10 ** (6 * power))
+
+
+def readable_unit(si_unit: str, value: float) -> PaperUnit:
+    """
+    Choose the paper's unit where it gives a number that can be read, else the SI unit.
+
+    Parameters
+    ----------
+    si_unit : str
+    value : float
+        [si_unit].
+
+    Returns
+    -------
+    PaperUnit
+
+    """
+    unit = paper_unit(si_unit)
+    size = abs(value) / unit.size
+    readable = not size or not math.isfinite(size) or 1e-6 <= size < 1e7
+    return unit if readable else PaperUnit(si_unit, 1.0)

@@ -116,7 +116,7 @@ def read_at(stream: BinaryIO, start: int, end: int) -> memoryview:
 
     """
     stream.seek(start)
-    return memoryview(stream.read(end - start))
+    return memoryview(stream.read(max(end - start, 0)))
 
 
 def _by_index(stream: BinaryIO, size: int) -> Contents | None:
@@ -184,6 +184,8 @@ def _by_walking(stream: BinaryIO, size: int) -> Contents:
             contents.damaged_at = position
             return contents
         if opcode == Opcode.FOOTER:
+            if end > size or read_at(stream, end, size) != MAGIC:
+                contents.cut_at = position
             return contents
         is_chunk = opcode == Opcode.CHUNK
         if end > size:

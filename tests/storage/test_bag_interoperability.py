@@ -132,7 +132,7 @@ def test_bag_with_another_version_of_the_message_is_read(tmp_path):
     samples = block.samples.tobytes()
     body = struct.pack('<I3sx2f', 3, b'me\0', 1, 2)
     body += struct.pack('<iII1sxxx', 9, 5, 1, b'\0')
-    body += struct.pack('<I3sx', 3, bytes(3))
+    body += struct.pack('<I4s', 4, bytes(4))
     body += bytes(-len(body) % 8) + struct.pack('<QQdHxxI', STREAM, 0, 100.0, 4, ROWS * 4)
     body += bytes(-len(body) % 8) + samples + struct.pack('<?xxxIi', True, 1, 7)
     stand = encode_description(description())

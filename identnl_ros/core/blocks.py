@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 NANOSECONDS = 1_000_000_000
+BLOCK_DURATION = 0.01  # [s]
+SMALLEST_BLOCK = 50  # samples
 
 
 class ChannelStatus(IntFlag):
@@ -146,6 +148,24 @@ class MotionBlock:
     def next_index(self) -> int:
         """Index of the first sample after this block."""
         return self.first_index + int(self.displacement.shape[0])
+
+
+def samples_per_block(sample_rate: float) -> int:
+    """
+    Choose how many samples travel together.
+
+    Parameters
+    ----------
+    sample_rate : float
+        [Hz].
+
+    Returns
+    -------
+    int
+        `BLOCK_DURATION`, but at least `SMALLEST_BLOCK`.
+
+    """
+    return max(SMALLEST_BLOCK, round(BLOCK_DURATION * sample_rate))
 
 
 def stamp_after(stamp_ns: int, samples: int, sample_rate: float) -> int:

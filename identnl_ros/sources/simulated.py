@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from identnl_ros.core.blocks import SampleBlock
+from identnl_ros.core.blocks import SampleBlock, samples_per_block
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.excitation import (
     Impulses,
@@ -24,7 +24,6 @@ from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 from numpy.typing import NDArray
 
-BLOCK_DURATION = 0.01
 IMPULSE_INTERVAL = 1.0
 SWEEP_DURATION = 2.0
 
@@ -186,7 +185,7 @@ class SimulatedSource:
 
     def blocks(self) -> Iterator[SampleBlock]:
         """Yield the blocks of the run in order."""
-        size = max(1, round(BLOCK_DURATION * self._run.sample_rate))
+        size = samples_per_block(self._run.sample_rate)
         for first in range(0, self._run.samples, size):
             count = min(size, self._run.samples - first)
             yield self._stand.read(count, last=first + count == self._run.samples)

@@ -8,7 +8,7 @@ from pathlib import Path
 import re
 import secrets
 
-from identnl_ros.core.blocks import ChannelStatus, SampleBlock, stamp_after
+from identnl_ros.core.blocks import ChannelStatus, SampleBlock, samples_per_block, stamp_after
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.layout import Layout
 from identnl_ros.storage.bag_writer import BagWriter
@@ -16,9 +16,6 @@ from identnl_ros.storage.csv_table import CsvTable, Progress
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 from numpy.typing import NDArray
-
-BLOCK_DURATION = 0.01  # [s]
-SMALLEST_BLOCK = 50  # [samples]
 
 TIME_TOLERANCE = 1e-6  # of the sample interval [-]
 ROWS_FOR_RATE = 1000
@@ -146,7 +143,7 @@ def _blocks(
     time: int | None,
     progress: Progress | None,
 ) -> Iterator[NDArray[np.float64]]:
-    size = max(SMALLEST_BLOCK, round(BLOCK_DURATION * rate))
+    size = samples_per_block(rate)
     wanted = columns if time is None else [*columns, time]
     before: NDArray[np.float64] = np.empty(0)
     for line, rows in table.rows(wanted, size, progress):

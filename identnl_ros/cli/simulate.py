@@ -116,7 +116,7 @@ def command(
     run = TestRun(
         Excitation(excitation),
         duration,
-        rate or layout_object.sample_rate or DEFAULT_RATE,
+        (layout_object.sample_rate or DEFAULT_RATE) if rate is None else rate,
         noise,
         seed,
         amplitude,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 NANOSECONDS = 1_000_000_000
 BLOCK_DURATION = 0.01  # [s]
 SMALLEST_BLOCK = 50  # samples
+MOTION = ('displacement', 'velocity', 'acceleration', 'force')
 
 
 class ChannelStatus(IntFlag):
@@ -92,9 +93,11 @@ class MotionBlock:
         Names of the columns, e.g. ``knee.rotation_3``.
     displacement, velocity, acceleration, force : ndarray, shape (n_samples, n_coordinates)
         [m, rad], [m/s, rad/s], [m/s^2, rad/s^2], [N, N m]; NaN: not known at this sample.
-    displacement_covariance, velocity_covariance, acceleration_covariance, force_covariance :
+    displacement_covariance, velocity_covariance, acceleration_covariance, force_covariance,
+    displacement_acceleration_covariance :
         ndarray, shape (n_coordinates, n_coordinates). Covariance of one sample under the
-        sensors' noise; NaN while that is neither stated nor estimated.
+        sensors' noise; NaN while that is neither stated nor estimated. The last one is of
+        displacement (rows) with acceleration (columns).
     noise_estimated : bool
         Some sensor's noise is not stated but estimated from its samples.
     velocity_derived, acceleration_derived : bool
@@ -120,6 +123,7 @@ class MotionBlock:
     velocity_covariance: NDArray[np.float64]
     acceleration_covariance: NDArray[np.float64]
     force_covariance: NDArray[np.float64]
+    displacement_acceleration_covariance: NDArray[np.float64]
     noise_estimated: bool = False
     velocity_derived: bool = False
     acceleration_derived: bool = False
@@ -130,13 +134,14 @@ class MotionBlock:
         _check_head(self.first_index, self.sample_rate)
         n_coordinates = len(self.coordinates)
         shape = (self.displacement.shape[0], n_coordinates)
-        for name in ('displacement', 'velocity', 'acceleration', 'force'):
+        for name in MOTION:
             found = getattr(self, name).shape
             if found != shape:
                 raise DataError(
                     f'motion block {self.first_index}: {name} is {found}, expected {shape} '
                     '[sample, coordinate]; the block is damaged'
                 )
+        for name in (*MOTION, 'displacement_acceleration'):
             found = getattr(self, f'{name}_covariance').shape
             if found != (n_coordinates, n_coordinates):
                 raise DataError(

@@ -77,10 +77,27 @@ class StreamFollower:
         self.next_index, self.ended = next_index, last
         return Arrival.AFTER_GAP if lost else Arrival.IN_ORDER
 
+    def resume(self, stream_id: int, next_index: int) -> None:
+        """
+        Go on where another follower has stopped; any other stream may take over at once.
+
+        Parameters
+        ----------
+        stream_id : int
+        next_index : int
+            First sample of the stream not seen yet.
+
+        """
+        self.stream_id, self.next_index, self.ended = stream_id, next_index, False
+        self._foreign_run = TAKEOVER_BLOCKS
+        self._foreign_id = None
+
     def _take_over(self, stream_id: int) -> bool:
         if self.stream_id is None or self.ended:
             return True
-        self._foreign_run = self._foreign_run + 1 if stream_id == self._foreign_id else 1
+        if stream_id != self._foreign_id and self._foreign_id is not None:
+            self._foreign_run = 0
+        self._foreign_run += 1
         self._foreign_id = stream_id
         if self._foreign_run < TAKEOVER_BLOCKS:
             return False

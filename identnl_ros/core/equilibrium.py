@@ -14,6 +14,8 @@ Vector = NDArray[np.float64]
 MAX_ITERATIONS = 200
 # Out-of-balance force relative to the loads at which the equilibrium is accepted.
 TOLERANCE = 1e-12
+# Displacement tried where the stiffness at rest is zero [m] or [rad].
+FIRST_PUSH = 1e-6
 
 
 def static_equilibrium(model: Model) -> Vector:
@@ -44,7 +46,7 @@ def static_equilibrium(model: Model) -> Vector:
     displacement = np.zeros(len(load))
 
     def unbalance(at: Vector) -> Vector:
-        return load - model.joint_force(at[np.newaxis], np.zeros((1, len(load))))[0]
+        return np.asarray(load - model.joint_force(at[np.newaxis], np.zeros((1, len(load))))[0])
 
     mass = model.mass_diagonal()
     residual = unbalance(displacement)
@@ -62,8 +64,11 @@ def static_equilibrium(model: Model) -> Vector:
             return displacement
         stiffness = weight[:, np.newaxis] * model.tangent_stiffness(displacement) * weight
         step = weight * np.linalg.lstsq(stiffness, weight * residual, rcond=1e-13)[0]
-        if not np.any(step):
-            step = 1e-6 * weight**2 * residual / np.abs(weight**2 * residual).max()
+        left = weight * residual - stiffness @ (step / weight)
+        if np.linalg.norm(left) > 1e-6 * size:
+            # Nothing holds this part of the load here: a contact without preload, perhaps.
+            push = weight * left
+            step = step + FIRST_PUSH * push / np.abs(push).max()
         displacement, residual = _shortened(unbalance, displacement, step, weight, size)
     # Rounding may keep the last digits from balancing; that is still an equilibrium.
     if float(np.linalg.norm(weight * residual)) <= 1e3 * accepted:

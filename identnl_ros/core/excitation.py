@@ -16,7 +16,7 @@ GRID_CHUNK = 256
 
 
 class Signal(Protocol):
-    """A force over time; zero before the start."""
+    """A force over time."""
 
     def on_grid(self, start: float, step: float, count: int) -> NDArray[np.float64]:
         """
@@ -164,7 +164,9 @@ class RecordedForce:
     def on_grid(self, start: float, step: float, count: int) -> NDArray[np.float64]:
         """Evaluate at equally spaced instants (see `Signal`)."""
         time = start + step * np.arange(count)
-        inside = time <= (self.samples.size - 1) / self.sample_rate
+        # A thousandth of a sample: instants computed in another order may round otherwise.
+        place = time * self.sample_rate
+        inside = (place > -1e-3) & (place < self.samples.size - 1 + 1e-3)
         return np.where(inside, self._spline(time), 0.0)
 
     @cached_property

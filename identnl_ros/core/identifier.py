@@ -11,13 +11,17 @@ from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimate
 from identnl_ros.core.information import Information, Solution
 from identnl_ros.core.model import Model
+from identnl_ros.core.noise_bias import NoiseBias, NoiseCovariances, SlopeSums
 from identnl_ros.core.regression import PointwiseRegression
+from identnl_ros.core.scatter import Scatter
 import numpy as np
 from numpy.typing import NDArray
 
 # Instants factored at once. Counted from the first one used, whatever the blocks, so that the
 # result does not depend on how the stream was cut into blocks.
 BATCH = 2048
+# Instants whose residuals may have samples in common where a rate is derived.
+CORRELATED_INSTANTS = 32
 # An estimate whose bias from sensor noise exceeds this many standard errors is marked.
 NOISE_BIAS_LIMIT = 1.0
 
@@ -31,36 +35,52 @@ class IdentifierState:
     ----------
     information : Information
         Of all complete batches.
-    noise_gram : ndarray, shape (n_unknowns, n_unknowns)
-        Expected contribution of sensor noise to ``Phi^T Phi``.
-    noise_samples : int
-        Instants at which the sensor noise was known.
+    scatter : Scatter
+        Of the residuals of all complete batches.
+    slopes : SlopeSums
+        What the effect of sensor noise needs of all complete batches.
+    noise : NoiseCovariances or None
+        Of the latest block; None before the first.
     pending : ndarray, shape (n_pending, 4, n_coordinates)
         Displacement, velocity, acceleration, force of instants not yet factored.
     samples, rejected : int
         Instants used and left out.
     unknowns : tuple of str
         Names of the unknown parameters.
+    derived : frozenset of str
+        Quantities that were differentiated rather than measured.
+    noise_estimated : bool
+        Some sensor's noise was estimated from its samples.
+    stream_id : int or None
+        Of the stream followed last.
+    next_index : int
+        First sample of it not seen yet.
 
     """
 
     information: Information
-    noise_gram: NDArray[np.float64]
-    noise_samples: int
+    scatter: Scatter
+    slopes: SlopeSums
+    noise: NoiseCovariances | None
     pending: NDArray[np.float64]
     samples: int
     rejected: int
     unknowns: tuple[str, ...]
+    derived: frozenset[str]
+    noise_estimated: bool
+    stream_id: int | None
+    next_index: int
 
 
 class Identifier:
     """
     Pointwise identification of a machine, the method of Berczynski et al. (2010).
 
-    Every instant gives one equation per coordinate; least squares (44) with the covariance
-    (45)-(47). Exact on clean data. On noisy data the measured motion in the regressor biases
-    the estimates; the bias that the stated sensor noise must cause is computed, included in
-    the standard deviation and reported.
+    Every instant gives one equation per coordinate; least squares (44). The covariance (45)-(47)
+    holds for equal, independent residuals; it is replaced by one that takes their scatter as it
+    is wherever there are enough samples. Exact on clean data. On noisy data the measured motion
+    in the regressor biases the estimates; the bias that the sensors' noise must cause is
+    computed, included in the standard deviation and reported.
 
     Parameters
     ----------
@@ -78,6 +98,7 @@ class Identifier:
     def __init__(self, model: Model) -> None:
         self._model = model
         self._regression = PointwiseRegression(model)
+        self._noise_bias = NoiseBias(model)
         self._unknowns = tuple(model.parameters[i].name for i in model.estimated)
         if not self._unknowns:
             raise DataError(
@@ -95,8 +116,9 @@ class Identifier:
         """Forget all data."""
         size = len(self._unknowns)
         self._information = Information.empty(size)
-        self._noise_gram = np.zeros((size, size))
-        self._noise_samples = 0
+        self._scatter = Scatter.empty(size)
+        self._slopes = self._noise_bias.empty()
+        self._noise: NoiseCovariances | None = None
         self._noise_estimated = False
         self._pending = np.empty((0, 4, len(self._model.coordinates)))
         self._samples = 0
@@ -122,12 +144,17 @@ class Identifier:
         """All that has been learned, to be saved or merged."""
         return IdentifierState(
             self._information,
-            self._noise_gram,
-            self._noise_samples,
+            self._scatter,
+            self._slopes,
+            self._noise,
             self._pending,
             self._samples,
             self._rejected,
             self._unknowns,
+            frozenset(self._derived),
+            self._noise_estimated,
+            self.follower.stream_id,
+            self.follower.next_index,
         )
 
     def restore(self, state: IdentifierState) -> None:
@@ -153,8 +180,13 @@ class Identifier:
         if state.pending.shape[1:] != self._pending.shape[1:]:
             raise DataError('the saved state belongs to a machine with other degrees of freedom')
         self._information = state.information
-        self._noise_gram = state.noise_gram
-        self._noise_samples = state.noise_samples
+        self._scatter = state.scatter
+        self._slopes = state.slopes
+        self._noise = state.noise
+        self._derived = set(state.derived)
+        self._noise_estimated = state.noise_estimated
+        if self.follower.stream_id is None and state.stream_id is not None:
+            self.follower.resume(state.stream_id, state.next_index)
         self._pending = state.pending
         self._samples = state.samples
         self._rejected = state.rejected
@@ -204,13 +236,11 @@ class Identifier:
             if derived
         }
         self._noise_estimated |= block.noise_estimated
-        gram = self._regression.noise_gram(block.displacement[valid], block)
-        if np.isfinite(gram).all():
-            self._noise_gram = self._noise_gram + gram
-            self._noise_samples += int(valid.sum())
+        self._noise = NoiseCovariances.of(block)
         self._pending = np.concatenate((self._pending, motion[valid]))
         while self._pending.shape[0] >= BATCH:
-            self._information = self._factored(self._pending[:BATCH])
+            accumulated = self._accumulated(self._pending[:BATCH])
+            self._information, self._scatter, self._slopes = accumulated
             self._pending = self._pending[BATCH:]
         return True
 
@@ -223,13 +253,13 @@ class Identifier:
         Estimate
 
         """
-        information = self._factored(self._pending) if len(self._pending) else self._information
+        information, scatter, slopes = self._accumulated(self._pending)
         if information.rows <= information.size:
             return self._nothing_yet()
         solution = information.solve()
-        variance = solution.residual_squares / (information.rows - information.size)  # (47)
-        covariance = variance * solution.inverse  # (45)
-        bias, bounded = self._noise_bias(solution)
+        covariance = self._scattering(information, solution, scatter)
+        bias, bounded = self._bias(solution, slopes)
+        statistical = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         # The bias is known in size only as far as the noise is: it widens, it does not correct.
         # And no estimate is surer than the arithmetic behind it.
         covariance = covariance + np.outer(bias, bias) + np.diag(solution.rounding**2)
@@ -238,7 +268,9 @@ class Identifier:
         names = self._unknowns
         combinations = determined_combinations(solution.null_space, solution.free, names)
         parameters = tuple(
-            self._parameter(i, solution, covariance, variance, float(bias[i]), bounded)
+            self._parameter(
+                i, solution, covariance, float(statistical[i]), float(bias[i]), bounded
+            )
             for i in range(len(names))
         )
         if not bounded:
@@ -257,33 +289,48 @@ class Identifier:
             notes=self._notes(parameters),
         )
 
-    def _noise_bias(self, solution: Solution) -> tuple[NDArray[np.float64], bool]:
-        """
-        Find the bias of least squares from the noise in the regressor; False: unbounded.
+    def _accumulated(self, motion: NDArray[np.float64]) -> tuple[Information, Scatter, SlopeSums]:
+        """Add instants to what has been accumulated."""
+        if not len(motion):
+            return self._information, self._scatter, self._slopes
+        regressor, target = self._regression.rows(*(motion[:, i] for i in range(4)))
+        instants = CORRELATED_INSTANTS if self._derived else 1
+        return (
+            self._information.with_rows(regressor, target),
+            self._scatter.with_rows(regressor, target, instants * motion.shape[2]),
+            self._noise_bias.with_motion(self._slopes, motion[:, 0]),
+        )
 
-        With G the expected contribution of noise to Phi^T Phi, the estimate is about
-        ``(I - (Phi^T Phi)^-1 G)`` times the truth.
+    def _scattering(
+        self, information: Information, solution: Solution, scatter: Scatter
+    ) -> NDArray[np.float64]:
+        """Covariance from the residuals; (45) and (47) where there are too few for more."""
+        robust = scatter.covariance(solution.values, solution.inverse)
+        if robust is not None:
+            return robust
+        variance = solution.residual_squares / (information.rows - information.size)  # (47)
+        return variance * solution.inverse  # (45)
 
-        """
+    def _bias(self, solution: Solution, slopes: SlopeSums) -> tuple[NDArray[np.float64], bool]:
+        """Bias from the noise in regressor and target; False: it has no bound."""
         unbounded = np.full_like(solution.values, np.nan), False
-        if self._noise_samples == 0:
+        if self._noise is None or not self._noise.known:
             return unbounded
-        attenuation = solution.inverse @ self._noise_gram * (self._samples / self._noise_samples)
+        gram, cross = self._noise_bias.moments(slopes, self._noise)
+        attenuation = solution.inverse @ gram
         if np.max(np.abs(np.linalg.eigvals(attenuation)), initial=0.0) >= 0.5:
             return unbounded
-        corrected = np.linalg.solve(np.eye(len(attenuation)) - attenuation, solution.values)
+        corrected = np.linalg.solve(
+            np.eye(len(gram)) - attenuation, solution.values - solution.inverse @ cross
+        )
         return solution.values - corrected, True
-
-    def _factored(self, motion: NDArray[np.float64]) -> Information:
-        regressor, target = self._regression.rows(*(motion[:, i] for i in range(4)))
-        return self._information.with_rows(regressor, target)
 
     def _parameter(
         self,
         index: int,
         solution: Solution,
         covariance: NDArray[np.float64],
-        variance: float,
+        statistical: float,
         bias: float,
         bounded: bool,
     ) -> ParameterEstimate:
@@ -305,11 +352,10 @@ class Identifier:
                 float('nan'),
                 EstimateStatus.NOISE_LIMITED,
                 'sensor noise is as large as the information in these data'
-                if self._noise_samples
+                if self._noise is not None and self._noise.known
                 else 'the noise of the sensors is not known',
             )
         deviation = float(np.sqrt(covariance[index, index]))
-        statistical = float(np.sqrt(variance * solution.inverse[index, index]))
         if abs(bias) > NOISE_BIAS_LIMIT * statistical:
             return ParameterEstimate(
                 *head,

@@ -158,6 +158,7 @@ class Information:
             free=np.linalg.norm(null_space, axis=1) > 1e-6,
             null_space=null_space / scale[:, np.newaxis],
             rounding=np.finfo(float).eps
+            * n
             * condition_of_seen
             * float(np.linalg.norm(scale * values))
             / scale,

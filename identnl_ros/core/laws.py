@@ -104,7 +104,8 @@ def contact_slope(deformation: Reals, exponent: float, preload: float) -> Reals:
 
     """
     total = preload + deformation
-    return exponent * np.maximum(total, 0.0) ** (exponent - 1.0) * (total > 0.0)
+    closed = total > 0.0
+    return exponent * np.where(closed, total, 1.0) ** (exponent - 1.0) * closed
 
 
 def polynomial(deformation: Reals, exponent: float) -> Reals:

@@ -30,16 +30,16 @@ class Mode:
     damping_ratio: float
 
 
-def state_matrix(model: Model, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+def stiffest_state_matrix(model: Model, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Linearise the equations of motion at rest: ``(q', q'') = matrix @ (q, q')``.
+    Linearise the equations of motion, ``(q', q'') = matrix @ (q, q')``, on the stiff side.
 
     Parameters
     ----------
     model : Model
         All values known.
-    displacement : ndarray, shape (n,)
-        State of rest.
+    displacements : ndarray, shape (n_states, n)
+        Every spring is taken as stiff as in the stiffest of these states.
 
     Returns
     -------
@@ -48,9 +48,16 @@ def state_matrix(model: Model, displacement: NDArray[np.float64]) -> NDArray[np.
     """
     inverse_mass = 1 / model.mass_diagonal()[:, np.newaxis]
     n = len(inverse_mass)
+    deformation = displacements @ model.lines.T
+    slopes = np.zeros(len(model.lines))
+    for term in model.terms:
+        value = model.parameters[term.parameter].value * term.factor
+        slope = value * term.law.stiffness(deformation[:, term.line])
+        # A power below one is infinitely stiff at a point, which no step can resolve.
+        slopes[term.line] += np.abs(slope[np.isfinite(slope)]).max(initial=0.0)
     matrix = np.zeros((2 * n, 2 * n))
     matrix[:n, n:] = np.eye(n)
-    matrix[n:, :n] = -inverse_mass * model.tangent_stiffness(displacement)
+    matrix[n:, :n] = -inverse_mass * ((model.lines.T * slopes) @ model.lines)
     matrix[n:, n:] = -inverse_mass * model.damping_matrix()
     return matrix
 

@@ -29,6 +29,11 @@ class NoiseEstimate:
     def __init__(self, channels: int) -> None:
         self._squares = np.zeros(channels)
         self._counts = np.zeros(channels)
+        self.restart()
+
+    def restart(self) -> None:
+        """Expect samples that do not follow those before."""
+        self._tail = np.empty((0, len(self._squares)))
 
     def add(self, samples: NDArray[np.float64]) -> None:
         """
@@ -40,8 +45,8 @@ class NoiseEstimate:
             NaN: no valid sample.
 
         """
-        if samples.shape[0] <= DIFFERENCE_ORDER:
-            return
+        samples = np.concatenate((self._tail, samples))
+        self._tail = samples[-DIFFERENCE_ORDER:]
         difference = np.diff(samples, n=DIFFERENCE_ORDER, axis=0)
         valid = np.isfinite(difference)
         self._squares += (np.where(valid, difference, 0.0) ** 2).sum(axis=0)
@@ -52,4 +57,4 @@ class NoiseEstimate:
         """Of one sample of each channel; NaN before there are enough, shape (n_channels,)."""
         gain = comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER)
         counts = np.where(self._counts > 0, self._counts, np.nan)
-        return np.sqrt(self._squares / (counts * gain))
+        return np.asarray(np.sqrt(self._squares / (counts * gain)))

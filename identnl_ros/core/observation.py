@@ -26,8 +26,6 @@ class Observation:
         Columns of the sample block that are used.
     matrix : ndarray, shape (n_coordinates, n_channels)
         Coordinates = matrix @ readings; rows of coordinates not seen are meaningless.
-    noise_gain : ndarray, shape (n_channels,)
-        Factor on every sensor's noise from filters in front of the map.
     seen : ndarray, shape (n_coordinates, n_coordinates)
         Projector on the motions that these sensors determine.
     unseen : tuple of str
@@ -37,18 +35,17 @@ class Observation:
 
     channels: tuple[int, ...]
     matrix: NDArray[np.float64]
-    noise_gain: NDArray[np.float64]
     seen: NDArray[np.float64]
     unseen: tuple[str, ...]
 
-    def covariance(self, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    def covariance(self, variance: NDArray[np.float64]) -> NDArray[np.float64]:
         """
-        Propagate the noise of the sensors to the coordinates.
+        Propagate the variance of the readings to the coordinates.
 
         Parameters
         ----------
-        noise : ndarray, shape (n_sensors_of_layout,)
-            Standard deviation of one sample of every sensor of the layout.
+        variance : ndarray, shape (n_sensors_of_layout,)
+            Of one reading of every sensor of the layout.
 
         Returns
         -------
@@ -56,8 +53,7 @@ class Observation:
             Of one sample.
 
         """
-        variance = (noise[list(self.channels)] * self.noise_gain) ** 2
-        return (self.matrix * variance) @ self.matrix.T
+        return (self.matrix * variance[list(self.channels)]) @ self.matrix.T
 
 
 def sensor_matrix(model: Model, sensors: tuple[Sensor, ...]) -> NDArray[np.float64]:
@@ -96,9 +92,7 @@ def sensor_matrix(model: Model, sensors: tuple[Sensor, ...]) -> NDArray[np.float
     return rows
 
 
-def observe_motion(
-    model: Model, layout: Layout, kind: SensorKind, noise_gain: NDArray[np.float64]
-) -> Observation:
+def observe_motion(model: Model, layout: Layout, kind: SensorKind) -> Observation:
     """
     Map the sensors of one kind of motion to the coordinates (step II of the paper).
 
@@ -108,8 +102,6 @@ def observe_motion(
     layout : Layout
     kind : SensorKind
         Displacement, velocity or acceleration.
-    noise_gain : ndarray, shape (n_sensors_of_layout,)
-        Factor on every sensor's noise from filters in front of the map.
 
     Returns
     -------
@@ -132,10 +124,10 @@ def observe_motion(
     lengths[lengths == 0] = 1.0
     inverse = np.linalg.pinv(scaled / lengths, rcond=SEEING_TOLERANCE)
     matrix = inverse / lengths[:, np.newaxis] * weights
-    return Observation(channels, matrix, noise_gain[list(channels)], matrix @ rows, unseen)
+    return Observation(channels, matrix, matrix @ rows, unseen)
 
 
-def observe_force(model: Model, layout: Layout, noise_gain: NDArray[np.float64]) -> Observation:
+def observe_force(model: Model, layout: Layout) -> Observation:
     """
     Map the force sensors to the generalised force.
 
@@ -143,8 +135,6 @@ def observe_force(model: Model, layout: Layout, noise_gain: NDArray[np.float64])
     ----------
     model : Model
     layout : Layout
-    noise_gain : ndarray, shape (n_sensors_of_layout,)
-        As in `observe_motion`.
 
     Returns
     -------
@@ -181,7 +171,7 @@ def observe_force(model: Model, layout: Layout, noise_gain: NDArray[np.float64])
                 f'{model.machine.name}; add one, or remove the excitation from the machine file'
             )
         matrix += np.outer(direction, share / share.sum())
-    return Observation(channels, matrix, noise_gain[list(channels)], np.eye(len(matrix)), ())
+    return Observation(channels, matrix, np.eye(len(matrix)), ())
 
 
 def _weights(sensors: tuple[Sensor, ...], kind: SensorKind) -> NDArray[np.float64]:

@@ -9,7 +9,6 @@ unknown ones in Phi; all are linear in the unknown coefficients x.
 
 from dataclasses import dataclass
 
-from identnl_ros.core.blocks import MotionBlock
 from identnl_ros.core.model import Model
 import numpy as np
 from numpy.typing import NDArray
@@ -88,54 +87,3 @@ class PointwiseRegression:
             else:
                 target += model.parameters[load.parameter].value * load.vector
         return regressor.reshape(-1, self.size), target.reshape(-1)
-
-    def noise_gram(
-        self, displacement: NDArray[np.float64], block: MotionBlock
-    ) -> NDArray[np.float64]:
-        """
-        Evaluate what sensor noise alone is expected to add to ``Phi^T Phi``.
-
-        The regressor is made of measured motion, so its noise does not average out: it biases
-        the least-squares estimate. First order in the noise.
-
-        Parameters
-        ----------
-        displacement : ndarray, shape (n_samples, n_coordinates)
-            Where the force laws are linearised.
-        block : MotionBlock
-            Its covariances are used.
-
-        Returns
-        -------
-        ndarray, shape (n_unknowns, n_unknowns)
-            NaN where a sensor's noise is not stated.
-
-        """
-        model = self.model
-        column = {parameter: i for i, parameter in enumerate(model.estimated)}
-        deformation = displacement @ model.lines.T
-        terms = [term for term in model.terms if term.parameter in column]
-        gram = np.zeros((self.size, self.size))
-        if terms:
-            lines = model.lines[[term.line for term in terms]]
-            slopes = np.column_stack(
-                [term.factor * term.law.stiffness(deformation[:, term.line]) for term in terms]
-            )
-            dampers = np.array([term.factor * term.law.damping for term in terms])
-            alignment = lines @ lines.T
-            noise = alignment * (
-                (lines @ block.displacement_covariance @ lines.T) * (slopes.T @ slopes)
-                + (lines @ block.velocity_covariance @ lines.T)
-                * np.outer(dampers, dampers)
-                * displacement.shape[0]
-            )
-            owner = np.zeros((len(terms), self.size))
-            owner[range(len(terms)), [column[term.parameter] for term in terms]] = 1.0
-            gram += owner.T @ noise @ owner
-        for parameter, diagonal in model.mass_vectors:
-            if parameter in column:
-                index = column[parameter]
-                gram[index, index] += displacement.shape[0] * float(
-                    diagonal**2 @ np.diag(block.acceleration_covariance)
-                )
-        return gram

@@ -15,12 +15,13 @@ from identnl_ros.core.excitation import Signal
 from identnl_ros.core.integrator import accelerations, branch, integrate, NODES, STAGES
 from identnl_ros.core.laws import LawKind
 from identnl_ros.core.model import Model
-from identnl_ros.core.modes import state_matrix
+from identnl_ros.core.modes import stiffest_state_matrix
 import numpy as np
 from numpy.typing import NDArray
 
 # Largest step times the fastest eigenvalue at rest: the local error is then about 1e-12.
 STEP_LIMIT = 0.3
+LARGEST_MOTION = 1e6  # [m] or [rad]
 
 
 # Displacement, velocity, acceleration.
@@ -121,15 +122,15 @@ def equations_of(model: Model) -> Equations:
     )
 
 
-def steps_per_sample(model: Model, displacement: NDArray[np.float64], interval: float) -> int:
+def steps_per_sample(model: Model, displacements: NDArray[np.float64], interval: float) -> int:
     """
     Choose how many integration steps fit the machine's fastest motion.
 
     Parameters
     ----------
     model : Model
-    displacement : ndarray, shape (n_coordinates,)
-        State of rest.
+    displacements : ndarray, shape (n_states, n_coordinates)
+        States that the machine passes through.
     interval : float
         Between samples [s].
 
@@ -138,7 +139,7 @@ def steps_per_sample(model: Model, displacement: NDArray[np.float64], interval: 
     int
 
     """
-    fastest = float(np.abs(np.linalg.eigvals(state_matrix(model, displacement))).max())
+    fastest = float(np.abs(np.linalg.eigvals(stiffest_state_matrix(model, displacements))).max())
     return max(1, int(np.ceil(interval * fastest / STEP_LIMIT)))
 
 
@@ -157,7 +158,7 @@ class Simulation:
     displacement, velocity : ndarray, shape (n_coordinates,)
         Initial state, at time zero.
     steps : int
-        Integration steps per output.
+        Integration steps per output, to begin with; raised where the machine hardens.
 
     """
 
@@ -195,24 +196,37 @@ class Simulation:
             If the motion grows beyond all bounds.
 
         """
-        step = self.interval / self.steps
         start = self._index * self.interval
-        forces = self._stage_forces(start, step, count * self.steps)
-        displacement, velocity, *final = integrate(
-            self.displacement, self.velocity, step, self.steps, forces,
-            *self._equations.arrays,
-        )  # fmt: skip
-        if not np.isfinite(final[0]).all():
-            time = start + self.interval * int(np.argmin(np.isfinite(displacement).all(axis=1)))
-            raise MachineError(
-                f'machine {self.model.machine.name}: the motion grows without bound at about '
-                f'{time:.4g} s; check for negative stiffness or damping, or too large a force'
-            )
+        displacement, velocity, *final = self._integrated(start, count)
+        # A joint that hardens under way makes faster motions than at rest: smaller steps, then.
+        needed = steps_per_sample(self.model, displacement, self.interval)
+        if needed > self.steps:
+            self.steps = needed
+            displacement, velocity, *final = self._integrated(start, count)
         self.displacement, self.velocity = final
         self._index += count
         outputs = [self._output(displacement, velocity, start, fraction) for fraction in fractions]
         displacements, velocities, accelerated = zip(*outputs, strict=True)
         return np.stack(displacements), np.stack(velocities), np.stack(accelerated)
+
+    def _integrated(self, start: float, count: int) -> tuple[NDArray[np.float64], ...]:
+        """Integrate from the present state; refuse what grows without bound."""
+        step = self.interval / self.steps
+        result: tuple[NDArray[np.float64], ...] = integrate(
+            self.displacement, self.velocity, step, self.steps,
+            self._stage_forces(start, step, count * self.steps), *self._equations.arrays,
+        )  # fmt: skip
+        states = np.vstack((result[0], result[2]))
+        finite = np.isfinite(states).all(axis=1)
+        # So large a motion overflows next, and no machine makes it.
+        finite &= np.abs(np.where(np.isfinite(states), states, 0.0)).max(axis=1) < LARGEST_MOTION
+        if not finite.all():
+            time = start + self.interval * int(np.argmin(finite))
+            raise MachineError(
+                f'machine {self.model.machine.name}: the motion grows without bound at about '
+                f'{time:.4g} s; check for negative stiffness or damping, or too large a force'
+            )
+        return result
 
     def _output(
         self,

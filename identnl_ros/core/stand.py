@@ -56,7 +56,8 @@ class SimulatedStand:
     MachineError
         If a value is missing or the machine has no equilibrium.
     LayoutError
-        If a sensor does not fit the machine or has a negative delay.
+        If a sensor does not fit the machine, has a negative delay, or the layouts differ in
+        their channels.
 
     """
 
@@ -72,6 +73,14 @@ class SimulatedStand:
         declared_layout: Layout | None = None,
     ) -> None:
         self.layout = declared_layout or layout
+        channels, declared = (
+            [(sensor.name, sensor.kind) for sensor in one.sensors] for one in (layout, self.layout)
+        )
+        if channels != declared:
+            raise LayoutError(
+                'simulated stand: the declared layout must have the channels of the actual one, '
+                'in the same order'
+            )
         self._actual = layout
         self._rate = sample_rate
         self._stream_id = stream_id
@@ -84,7 +93,7 @@ class SimulatedStand:
             interval,
             rest,
             np.zeros_like(rest),
-            steps_per_sample(model, rest, interval),
+            steps_per_sample(model, rest[np.newaxis], interval),
         )
         self._delays = [_delay(sensor, sample_rate) for sensor in layout.sensors]
         self._rows = {

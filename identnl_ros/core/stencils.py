@@ -46,4 +46,5 @@ def stencil(derivative: int, offset: float, half_width: int) -> NDArray[np.float
             lower = latest[k - 1] if k else 0.0
             weights[k, j] = previous_product / product * (k * lower - nodes[j - 1] * latest[k])
         previous_product = product
-    return weights[derivative].copy()
+    result: NDArray[np.float64] = weights[derivative]
+    return result.copy()

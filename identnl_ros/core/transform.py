@@ -15,7 +15,7 @@ from identnl_ros.core.stencils import stencil
 import numpy as np
 from numpy.typing import NDArray
 
-# Differences over 17 samples: exact to 1e-9 up to a tenth of the sample rate.
+# Differences over 17 samples: exact to 3e-9 up to a tenth of the sample rate.
 HALF_WIDTH = 8
 
 
@@ -55,8 +55,7 @@ class MotionTransform:
         self._layout = layout
         self._rate = sample_rate
         self._aligners = [_Aligner(sensor.delay * sample_rate) for sensor in layout.sensors]
-        noise_gain = np.array([aligner.noise_gain for aligner in self._aligners])
-        self._displacement = observe_motion(model, layout, SensorKind.DISPLACEMENT, noise_gain)
+        self._displacement = observe_motion(model, layout, SensorKind.DISPLACEMENT)
         if self._displacement.unseen:
             raise LayoutError(
                 f'layout: the displacement sensors cannot see '
@@ -65,13 +64,13 @@ class MotionTransform:
             )
         self._velocity, self._acceleration = (
             _Rate(
-                observe_motion(model, layout, kind, noise_gain),
+                observe_motion(model, layout, kind),
                 self._displacement,
                 stencil(order, 0.0, HALF_WIDTH) * sample_rate**order,
             )
             for order, kind in ((1, SensorKind.VELOCITY), (2, SensorKind.ACCELERATION))
         )
-        self._force = observe_force(model, layout, noise_gain)
+        self._force = observe_force(model, layout)
         derived = self._velocity.derived or self._acceleration.derived
         # Samples around an instant that its derivatives need, and that alignment needs.
         self._margin = HALF_WIDTH if derived else 0
@@ -83,6 +82,7 @@ class MotionTransform:
         self.counts = TransformCounts()
         self._buffer = np.empty((0, len(layout.sensors)))
         self._buffer_index = 0
+        self._next_output = 0
 
     @property
     def derived(self) -> tuple[str, ...]:
@@ -128,14 +128,17 @@ class MotionTransform:
             return None
         self.counts.blocks += 1
         self._count_missing(block)
-        if self.noise_estimated:
-            self._noise_estimate.add(block.samples)
-            self._update_covariances()
         if arrival is Arrival.IN_ORDER:
             self._buffer = np.concatenate((self._buffer, block.samples))
         else:
             self._buffer = block.samples.copy()
             self._buffer_index = block.first_index
+            self._noise_estimate.restart()
+            if arrival is Arrival.FIRST:
+                self._next_output = 0
+        if self.noise_estimated:
+            self._noise_estimate.add(block.samples)
+            self._update_covariances()
         ready = self._buffer.shape[0] - 2 * self._reach
         if ready <= 0 and not block.last:
             return None
@@ -166,14 +169,24 @@ class MotionTransform:
             counts[name] = counts.get(name, 0) + int(missing[channel])
 
     def _update_covariances(self) -> None:
+        """Propagate the noise; last the covariance of displacement with acceleration."""
         noise = np.where(
             np.isnan(self._stated_noise),
             self._noise_estimate.standard_deviation,
             self._stated_noise,
         )
-        self._covariances = tuple(
-            part.covariance(noise)
-            for part in (self._displacement, self._velocity, self._acceleration, self._force)
+
+        def variance(first: int, second: int) -> NDArray[np.float64]:
+            return noise**2 * [one.correlation(first, second) for one in self._aligners]
+
+        rate = self._rate
+        displacement = self._displacement
+        self._covariances = (
+            displacement.covariance(variance(0, 0)),
+            self._velocity.covariance(variance(0, 0), variance(1, 1) * rate**2),
+            self._acceleration.covariance(variance(0, 0), variance(2, 2) * rate**4),
+            self._force.covariance(variance(0, 0)),
+            displacement.covariance(variance(0, 2) * rate**2) @ self._acceleration.derived_share.T,
         )
 
     def _motion(self, block: SampleBlock, ready: int) -> MotionBlock:
@@ -190,7 +203,8 @@ class MotionTransform:
                 rate.of_motion(inner, wide) for rate in (self._velocity, self._acceleration)
             )
             force = inner[:, self._force.channels] @ self._force.matrix.T
-        first_index = self._buffer_index + self._reach if ready else block.next_index
+        first_index = max(self._buffer_index + self._reach, self._next_output)
+        self._next_output = first_index + ready
         return MotionBlock(
             stream_id=block.stream_id,
             stamp_ns=stamp_after(block.stamp_ns, first_index - block.first_index, self._rate),
@@ -205,6 +219,7 @@ class MotionTransform:
             velocity_covariance=self._covariances[1],
             acceleration_covariance=self._covariances[2],
             force_covariance=self._covariances[3],
+            displacement_acceleration_covariance=self._covariances[4],
             noise_estimated=self.noise_estimated,
             velocity_derived=self._velocity.derived,
             acceleration_derived=self._acceleration.derived,
@@ -222,18 +237,20 @@ class _Rate:
         self._displacement = displacement
         self._weights = weights
         share = np.eye(len(observation.seen)) - observation.seen
-        self._derived_share = share if observation.unseen else np.zeros_like(share)
+        self.derived_share = share if observation.unseen else np.zeros_like(share)
 
     @property
     def derived(self) -> bool:
         return bool(self._observation.unseen)
 
-    def covariance(self, noise: NDArray[np.float64]) -> NDArray[np.float64]:
-        measured = self._observation.covariance(noise)
+    def covariance(
+        self, variance: NDArray[np.float64], derived_variance: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        measured = self._observation.covariance(variance)
         if not self.derived:
             return measured
-        share = self._derived_share * float(np.linalg.norm(self._weights))
-        return measured + share @ self._displacement.covariance(noise) @ share.T
+        derived = self._displacement.covariance(derived_variance)
+        return measured + self.derived_share @ derived @ self.derived_share.T
 
     def of_motion(
         self, readings: NDArray[np.float64], displacement: NDArray[np.float64]
@@ -242,7 +259,7 @@ class _Rate:
         if not self.derived:
             return measured
         return measured + (
-            _convolve(displacement, self._weights, len(readings)) @ self._derived_share.T
+            _convolve(displacement, self._weights, len(readings)) @ self.derived_share.T
         )
 
 
@@ -254,17 +271,23 @@ class _Aligner:
         fraction = delay - whole
         self._shift = whole
         if abs(fraction) < 1e-12:
-            self._weights = None
-            self.noise_gain = 1.0
+            self._weights = np.ones(1)
             self.reach = abs(whole)
         else:
             self._weights = stencil(0, fraction, HALF_WIDTH)
-            self.noise_gain = float(np.linalg.norm(self._weights))
             self.reach = abs(whole) + HALF_WIDTH
+
+    def correlation(self, first: int, second: int) -> float:
+        """Correlate two derivatives of the aligned channel, per variance of its white noise."""
+        filters = [
+            np.convolve(self._weights, stencil(order, 0.0, HALF_WIDTH))
+            for order in (first, second)
+        ]
+        return float(filters[0] @ filters[1])
 
     def apply(self, samples: NDArray[np.float64], start: int, count: int) -> NDArray[np.float64]:
         first = start + self._shift
-        if self._weights is None:
+        if self._weights.size == 1:
             return samples[first : first + count]
         return _convolve(samples[first - HALF_WIDTH :], self._weights, count)
 

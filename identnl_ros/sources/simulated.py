@@ -197,9 +197,9 @@ def _signals(
     """Force of every exciter; the random phases of several multisines are independent."""
     signals: list[Signal] = []
     for point in points:
-        amplitude = run.amplitude or point.amplitude
-        frequency = run.frequency or point.frequency
-        band = run.band or point.band
+        amplitude = point.amplitude if run.amplitude is None else run.amplitude
+        frequency = point.frequency if run.frequency is None else run.frequency
+        band = point.band if run.band is None else run.band
         if run.recorded_force is not None:
             signals.append(RecordedForce(run.recorded_force, run.sample_rate))
             continue

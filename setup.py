@@ -102,7 +102,7 @@ setup(
     install_requires=[
         'click',
         'lz4',
-        'mcap',
+        'mcap>=1.6',
         'numba',
         'numpy>=1.26',
         'pint',

@@ -6,22 +6,15 @@ Speed and accuracy on the paper's problem, against peers in the same run.
 Machines are noisy: read medians and ratios. Run by `make bench`.
 """
 
+from collections.abc import Callable
 import json
+from pathlib import Path
 import platform
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from pathlib import Path
-
-import numba
-import numpy as np
-import scipy
-from rich.console import Console
-from rich.table import Table
-from scipy.integrate import solve_ivp
 
 from identnl_ros.core.equilibrium import static_equilibrium
 from identnl_ros.core.excitation import sine
@@ -34,6 +27,12 @@ from identnl_ros.core.transform import MotionTransform
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.machine_file import load_machine
 from identnl_ros.storage.shipped import shipped_config
+import numba
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+import scipy
+from scipy.integrate import solve_ivp
 
 PAPER_SECONDS = 40.0  # Berczynski et al. (2010), section 4.2
 DURATION = 2.0  # [s]
@@ -149,7 +148,7 @@ def simulation(machine_path: Path, table: Table) -> None:
     n = len(rest)
 
     def ours(factor: int = 1):
-        steps = steps_per_sample(model, rest, 1 / RATE) * factor
+        steps = steps_per_sample(model, rest[np.newaxis], 1 / RATE) * factor
         run = Simulation(model, (force,), 1 / RATE, rest, np.zeros(n), steps)
         return run.advance(count + 1)[0][0]
 

@@ -3,7 +3,6 @@
 """`identnl demo`: the simulated knee and column identified live, over DDS."""
 
 import click
-
 from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome, say
 from identnl_ros.cli.quantity_types import NOISE, TIME
 from identnl_ros.cli.ros import require_ros
@@ -39,8 +38,6 @@ def command(duration: float, excitation: str, noise: float) -> Outcome:
     host. At the end, tables 1 and 2 of Berczynski et al. (2010).
     """
     require_ros()
-    from rich.console import Console
-
     from identnl_ros.cli.progress import progress
     from identnl_ros.core.model import assemble
     from identnl_ros.nodes.estimate_conversion import estimate_from_message
@@ -49,6 +46,7 @@ def command(duration: float, excitation: str, noise: float) -> Outcome:
     from identnl_ros.reports.estimate_tables import show_estimate
     from identnl_ros.storage.machine_file import load_machine
     from identnl_ros.storage.shipped import shipped_config
+    from rich.console import Console
 
     path = shipped_config(MACHINE)
     model = assemble(load_machine(path).machine)

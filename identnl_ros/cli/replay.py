@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-
 from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome
 from identnl_ros.cli.ros import require_ros
 

@@ -10,12 +10,8 @@ from identnl_ros.cli.output import command as reporting, Outcome, say
 from identnl_ros.cli.progress import progress
 from identnl_ros.cli.quantity_types import FORCE, FREQUENCY, NOISE, TIME
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.layout import Layout
-from identnl_ros.core.machine import Machine
 import numpy as np
 from numpy.typing import NDArray
-
-DEFAULT_RATE = 10_000.0
 
 
 @click.command('simulate')
@@ -108,15 +104,18 @@ def command(
 ) -> Outcome:
     """Run the simulated stand and record its sensors in a bag, with the true parameters."""
     from identnl_ros.sources.simulated import Excitation, SimulatedSource, TestRun
+    from identnl_ros.sources.stand_layout import stand_layout
     from identnl_ros.storage.bag_writer import BagWriter
     from identnl_ros.storage.machine_file import load_machine
 
     machine_file = load_machine(machine)
-    layout_object, layout_text = _layout(machine, layout, machine_file.machine)
+    sensors = stand_layout(machine_file, layout)
+    if sensors.remark:
+        say(sensors.remark)
     run = TestRun(
         Excitation(excitation),
         duration,
-        (layout_object.sample_rate or DEFAULT_RATE) if rate is None else rate,
+        sensors.sample_rate(rate),
         noise,
         seed,
         amplitude,
@@ -127,7 +126,7 @@ def command(
     )
     with BagWriter(out) as bag:
         source = SimulatedSource(
-            machine_file.machine, layout_object, run, machine_file.text, layout_text
+            machine_file.machine, sensors.layout, run, machine_file.text, sensors.text
         )
         bag.write_description(source.description)
         with progress('simulating', run.samples) as advance:
@@ -142,7 +141,7 @@ def command(
         'duration': run.samples / run.sample_rate,
         'sample_rate': run.sample_rate,
         'samples': run.samples,
-        'channels': [sensor.name for sensor in layout_object.sensors],
+        'channels': [sensor.name for sensor in sensors.layout.sensors],
         'noise': noise,
         'seed': seed,
         'true_parameters': source.truth,
@@ -150,26 +149,10 @@ def command(
     return Outcome(
         document,
         lambda: click.echo(
-            f'{out}: {run.samples} samples of {len(layout_object.sensors)} channels at '
+            f'{out}: {run.samples} samples of {len(sensors.layout.sensors)} channels at '
             f'{run.sample_rate:g} Hz'
         ),
     )
-
-
-def _layout(machine_path: Path, path: Path | None, machine: Machine) -> tuple[Layout, str]:
-    """Load the layout that was asked for, the one beside the machine, or one seeing all."""
-    from identnl_ros.core.complete_layout import complete_layout
-    from identnl_ros.storage.layout_file import default_layout_path, load_layout
-
-    beside = default_layout_path(machine_path)
-    if path is None and not beside.exists():
-        say(
-            f'no --layout and no {beside}: using three-axis sensors of displacement, velocity '
-            'and acceleration at three points of every body'
-        )
-        return complete_layout(machine), ''
-    file = load_layout(path or beside)
-    return file.layout, file.text
 
 
 def _recorded_force(path: Path | None, excitation: str) -> NDArray[np.float64] | None:

@@ -7,12 +7,11 @@ import re
 import stat
 
 from identnl_ros.core.errors import DataError
-from identnl_ros.storage import mcap_records
-from identnl_ros.storage.mcap_file import McapFile
 from identnl_ros.storage.recorded_channel import Problems
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from identnl_ros.storage.mcap_file import McapFile
     from identnl_ros.storage.sqlite_file import SqliteFile
 
 METADATA_NAME = 'metadata.yaml'
@@ -71,7 +70,9 @@ def _open_file(
         raise DataError(f'{path} is empty; nothing was recorded, or copying it failed')
     with path.open('rb') as stream:
         begin = stream.read(16)
-    if begin.startswith(mcap_records.MAGIC) or path.suffix == '.mcap':
+    if begin.startswith(b'\x89MCAP') or path.suffix == '.mcap':
+        from identnl_ros.storage.mcap_file import McapFile
+
         return McapFile(path, problems, compressed)
     if begin.startswith(b'SQLite format 3'):
         from identnl_ros.storage.sqlite_file import SqliteFile

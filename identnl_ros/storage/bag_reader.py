@@ -86,9 +86,8 @@ class Bag:
 
         """
         for file in self._files:
-            for found, values in file.metadata:
-                if found == name:
-                    return values
+            if name in file.metadata:
+                return file.metadata[name]
         return None
 
     def blocks(self, stream_id: int | None = None) -> Iterator[SampleBlock]:

@@ -82,7 +82,8 @@ class BagWriter:
         is_file = self.path.suffix == '.mcap'
         self._file = self._target if is_file else self._target / f'{self.path.name}_0.mcap'
         with self._told_errors():
-            self._file.parent.mkdir(parents=True, exist_ok=is_file)
+            if not is_file:
+                self._target.mkdir()
             self._stream = self._file.open('xb')
         self._writer = Writer(
             self._stream,
@@ -282,6 +283,8 @@ class BagWriter:
             raise DataError(
                 f'{self.path} exists and is never overwritten; choose another path or remove it'
             )
+        if not self.path.parent.is_dir():
+            raise DataError(f'{self.path}: there is no folder {self.path.parent}; make it first')
 
     def _discard(self) -> None:
         """Close the file and, unless what there is shall stay, remove it."""

@@ -63,8 +63,11 @@ class MessageDecoder:
     def __init__(self, type_name: str, definition: str) -> None:
         self._type_name = type_name
         texts = _split(type_name, definition)
-        self._little = _reader(type_name, texts, '<', ())
-        self._big = _reader(type_name, texts, '>', ())
+        try:
+            self._little = _reader(type_name, texts, '<', ())
+            self._big = _reader(type_name, texts, '>', ())
+        except (ValueError, RecursionError) as error:
+            raise DataError(f'the definition of {type_name} is damaged: {error}') from None
 
     def decode(self, data: bytes | memoryview) -> SimpleNamespace:
         """

@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+import struct
 from types import SimpleNamespace
 from typing import TypeVar
 
@@ -83,6 +84,52 @@ def block_from_message(message: SimpleNamespace) -> SampleBlock:
         channel_status=np.array(message.channel_status, np.uint8),
         last=message.last_block,
     )
+
+
+def block_position(data: bytes | memoryview) -> tuple[int, int, int, bool]:
+    """
+    Find where a block stands in its stream without touching its samples.
+
+    Unlike `block_from_message` it knows the present SampleBlock.msg only.
+
+    Parameters
+    ----------
+    data : bytes or memoryview
+        A SampleBlock message in plain CDR.
+
+    Returns
+    -------
+    stream_id : int
+    first_index : int
+        Running index of the first sample.
+    next_index : int
+        Running index of the sample after the last.
+    last : bool
+        The stream ends with this block.
+
+    Raises
+    ------
+    DataError
+        If the message is damaged.
+
+    """
+    try:
+        order = {b'\0\0': '>', b'\0\1': '<'}[bytes(data[:2])]
+        (offset,) = struct.unpack_from(order + '8xI', data, 4)  # after the stamp: frame_id
+        offset += 16
+        offset += (4 - offset) % 8  # alignment counts from the end of the four bytes of encoding
+        stream_id, first, channels, count = struct.unpack_from(order + 'QQ8xII', data, offset)
+        offset += 32
+        if count:
+            offset += (4 - offset) % 8 + 8 * count
+        (statuses,) = struct.unpack_from(order + 'I', data, offset)
+        last = data[offset + 4 + statuses]
+        rows, rest = divmod(count, channels)
+    except (KeyError, struct.error, IndexError, ZeroDivisionError):
+        rest = 1
+    if rest:
+        raise DataError(f'a block of {len(data)} bytes contradicts itself; it is damaged')
+    return stream_id, first, first + rows, bool(last)
 
 
 def description_from_message(message: SimpleNamespace) -> StandDescription:

@@ -3,8 +3,8 @@
 """Where the example files that come with the package lie."""
 
 import os
-import sys
 from pathlib import Path
+import sys
 
 from identnl_ros.core.errors import DataError
 

@@ -37,7 +37,7 @@ class SqliteFile:
         """Read the list of topics."""
         self._path = path
         self._problems = problems
-        self.metadata: list[tuple[str, dict[str, str]]] = []
+        self.metadata: dict[str, dict[str, str]] = {}
         try:
             with closing(self._connect()) as database:
                 self._channels = _read_channels(database, compressed)

@@ -2,16 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files with all that an identifier has learned; numbers only, nothing that could be run."""
 
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import fields, is_dataclass
 import os
 from pathlib import Path
 import tempfile
+from types import NoneType
+from typing import Any, get_args, get_origin, get_type_hints
 import zipfile
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.identifier import IdentifierState
-from identnl_ros.core.information import Information
 import numpy as np
+from numpy.typing import NDArray
 
 FORMAT = 1
 
@@ -64,17 +68,7 @@ def save_state(path: Path, state: IdentifierState) -> None:
         descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
         part = Path(name)
         with os.fdopen(descriptor, 'wb') as stream:
-            np.savez(
-                stream,
-                format=np.array(FORMAT),
-                unknowns=np.array(state.unknowns, dtype=np.str_),
-                factor=state.information.factor,
-                rows=np.array(state.information.rows),
-                noise_gram=state.noise_gram,
-                pending=state.pending,
-                samples=np.array(state.samples),
-                rejected=np.array(state.rejected),
-            )
+            np.savez(stream, format=np.array(FORMAT), **dict(_flattened(state, '')))
             stream.flush()
             os.fsync(stream.fileno())
         part.replace(path)
@@ -114,28 +108,68 @@ def load_state(path: Path) -> IdentifierState:
     except (ValueError, EOFError, AttributeError, TypeError, zipfile.BadZipFile):
         raise DataError(f'{path} is no state of an identifier, or damaged') from None
     try:
-        if int(content['format']) != FORMAT:
-            raise DataError(
-                f'{path} has format {int(content["format"])}, expected {FORMAT}; '
-                'it comes from another version'
-            )
-        state = IdentifierState(
-            information=Information(content['factor'].astype(np.float64), int(content['rows'])),
-            noise_gram=content['noise_gram'].astype(np.float64),
-            pending=content['pending'].astype(np.float64),
-            samples=int(content['samples']),
-            rejected=int(content['rejected']),
-            unknowns=tuple(str(name) for name in content['unknowns']),
-        )
+        found = int(content['format'])
+        if found == FORMAT:
+            state = _built(IdentifierState, content, '')
     except (KeyError, TypeError, ValueError):
-        raise DataError(f'{path} is no state of an identifier, or damaged') from None
+        raise DataError(
+            f'{path} is no state of an identifier, damaged, or from another version'
+        ) from None
+    if found != FORMAT:
+        raise DataError(
+            f'{path} has format {found}, expected {FORMAT}; it comes from another version'
+        )
+    _check(path, state)
+    return state
+
+
+def _flattened(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the leaves of nested dataclasses with their dotted names; None has none."""
+    if is_dataclass(value):
+        for field in fields(value):
+            inner = getattr(value, field.name)
+            yield from _flattened(inner, f'{name}.{field.name}' if name else field.name)
+    elif value is not None:
+        yield name, np.asarray(sorted(value) if isinstance(value, frozenset) else value)
+
+
+def _built(kind: Any, content: Mapping[str, NDArray[Any]], name: str) -> Any:
+    """Make a value of an annotated type from the leaves below a name."""
+    if NoneType in get_args(kind):
+        if not any(key == name or key.startswith(f'{name}.') for key in content):
+            return None
+        (kind,) = (one for one in get_args(kind) if one is not NoneType)
+    if is_dataclass(kind):
+        types = get_type_hints(kind)
+        return kind(
+            **{key: _built(types[key], content, f'{name}.{key}'.strip('.')) for key in types}
+        )
+    leaf = content[name]
+    if kind in (int, bool):
+        return kind(leaf)
+    if get_origin(kind) in (tuple, frozenset):
+        return get_origin(kind)(str(text) for text in leaf)
+    return leaf.astype(np.float64)
+
+
+def _check(path: Path, state: IdentifierState) -> None:
     size = len(state.unknowns)
+    motion = state.pending.shape[2] if state.pending.ndim == 3 else -1
+    elastic = len(state.slopes.sums)
+    expected = [
+        (state.information.factor, (size + 1, size + 1)),
+        (state.scatter.moments, (size * (size + 1), size * (size + 1))),
+        (state.scatter.scale, (size + 1,)),
+        (state.scatter.reference, (size,)),
+        (state.slopes.sums, (elastic,)),
+        (state.slopes.products, (elastic, elastic)),
+        (state.pending, (len(state.pending), 4, motion)),
+    ]
+    if state.noise is not None:
+        parts = (getattr(state.noise, field.name) for field in fields(state.noise))
+        expected += [(part, (motion, motion)) for part in parts]
     if (
-        state.information.factor.shape != (size + 1, size + 1)
-        or state.noise_gram.shape != (size, size)
-        or state.pending.ndim != 3
-        or state.pending.shape[1] != 4
-        or min(state.information.rows, state.samples, state.rejected) < 0
+        any(table.shape != shape for table, shape in expected)
+        or min(state.samples, state.rejected, state.next_index, state.information.rows) < 0
     ):
         raise DataError(f'{path} is damaged: its tables do not fit its {size} parameters')
-    return state

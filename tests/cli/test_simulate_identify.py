@@ -80,7 +80,7 @@ def test_machine_without_layout_is_seen_by_sensors_everywhere(identnl, config, t
         'simulate', '--machine', machine, '--noise', 'none', '--duration', '0.3', '--out', bag
     )
     assert result.exit_code == 0
-    assert 'no --layout' in result.stderr
+    assert 'no layout file' in result.stderr
     found = json.loads(identnl('identify', bag, '--json').stdout)
     for parameter in found['parameters']:
         assert parameter['value'] == pytest.approx(parameter['true_value'], rel=1e-9)

@@ -117,5 +117,5 @@ def test_estimates_of_what_is_no_bag(tmp_path):
 
 def test_unwritable_place(tmp_path):
     (tmp_path / 'file').touch()
-    with pytest.raises(DataError, match=r'cannot be written: (Not a directory|File exists)'):
+    with pytest.raises(DataError, match='there is no folder'):
         BagWriter(tmp_path / 'file' / 'a.mcap')

@@ -1,0 +1,234 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The node that turns motion of bodies into estimates of the machine's parameters."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+import sys
+from typing import Any, ClassVar
+
+from identnl_msgs.msg import BodyMotionBlock, ParameterEstimateArray
+from identnl_msgs.srv import LoadIdentifierState, ResetIdentifier, SaveIdentifierState
+from identnl_ros.core.blocks import MotionBlock, stamp_after
+from identnl_ros.core.continuity import StreamFollower
+from identnl_ros.core.errors import DataError, IdentnlError
+from identnl_ros.core.estimate import Estimate, EstimateStatus
+from identnl_ros.core.identifier import Identifier
+from identnl_ros.nodes import qos
+from identnl_ros.nodes.consumer_node import ConsumerNode
+from identnl_ros.nodes.conversions import motion_from_message
+from identnl_ros.nodes.diagnosis import Health
+from identnl_ros.nodes.estimate_conversion import estimate_to_message
+from identnl_ros.nodes.parameters import Setting
+from identnl_ros.nodes.running import run
+from identnl_ros.storage.stand_description import StandDescription
+from identnl_ros.storage.state_file import load_state, save_state, state_path
+from rclpy.duration import Duration
+
+CONFIRMATION_TIME = 0.5  # [s]
+
+
+class IdentifierNode(ConsumerNode):
+    """
+    Consumes `motion`, publishes `estimates`.
+
+    All streams of the same machine add to one estimate, until the service ~/reset; another
+    machine begins anew.
+
+    """
+
+    topic: ClassVar[str] = 'motion'
+    message_type: ClassVar[type] = BodyMotionBlock
+    type_name: ClassVar[str] = 'identnl_msgs/msg/BodyMotionBlock'
+    settings: ClassVar[tuple[Setting, ...]] = (
+        *ConsumerNode.settings,
+        Setting('estimator', 'pointwise', 'Method of estimation.', choices=('pointwise',)),
+        Setting(
+            'publish_rate',
+            2.0,
+            'How often estimates are published while data come [Hz]; the last one comes at once.',
+            0.01,
+            100.0,
+        ),
+        Setting(
+            'state_directory',
+            '',
+            'Folder of the files of the services ~/save_state and ~/load_state; '
+            'empty: these services are refused.',
+            live=True,
+        ),
+    )
+
+    def __init__(self, **options: Any) -> None:
+        self._identifier: Identifier | None = None
+        self._last: Estimate | None = None
+        self._machine_text = ''
+        self._has_news = False
+        self._stamp = self._last_index = 0
+        super().__init__('identifier', **options)
+
+    @property
+    def follower(self) -> StreamFollower | None:
+        return None if self._identifier is None else self._identifier.follower
+
+    def configure(self) -> None:
+        self.setting('estimator')
+        super().configure()
+        self._estimates = self.publish_on(ParameterEstimateArray, 'estimates', qos.estimates())
+        self.every(1 / self.setting('publish_rate'), self._publish_news)
+        for service_type, name, answer in (
+            (ResetIdentifier, '~/reset', self._reset),
+            (SaveIdentifierState, '~/save_state', self._save),
+            (LoadIdentifierState, '~/load_state', self._load),
+        ):
+            service = self.create_service(service_type, name, _answered(answer))
+            self._endings.append(partial(self.destroy_service, service))
+
+    def clean_up(self) -> None:
+        super().clean_up()
+        self._identifier = None
+        self._forget_estimates()
+
+    def convert(self, message: BodyMotionBlock) -> MotionBlock:
+        return motion_from_message(message)
+
+    def open(self, description: StandDescription) -> None:
+        if self._identifier is not None and description.machine_text == self._machine_text:
+            return
+        if self._identifier is not None:
+            self.get_logger().warning(
+                f'stand {description.stand} has another machine file now: '
+                f'{self._identifier.samples} samples are forgotten'
+            )
+        self._identifier = None
+        self._identifier = Identifier(self.model(description))
+        self._machine_text = description.machine_text
+
+    def use(self, block: MotionBlock) -> None:
+        if not self._ready().add(block):
+            return
+        if samples := block.next_index - block.first_index:
+            self._stamp = stamp_after(block.stamp_ns, samples - 1, block.sample_rate)
+            self._last_index = block.next_index - 1
+        self._has_news = True
+        if block.last:
+            self._publish()
+
+    def is_connected(self) -> bool:
+        return self._sources > 0
+
+    def finish(self) -> None:
+        if self.is_active:
+            self._publish_news()
+            self._estimates.wait_for_all_acked(Duration(seconds=CONFIRMATION_TIME))
+
+    def diagnose(self) -> list[Health]:
+        health = Health('estimate', {'estimator': self.setting('estimator')})
+        if self._last is not None:
+            health.values |= {
+                'samples used': self._last.samples,
+                'samples rejected': self._last.rejected_samples,
+                'residual [-]': f'{self._last.residual:.3g}',
+                'condition number [-]': f'{self._last.condition_number:.3g}',
+            }
+            for parameter in self._last.parameters:
+                if parameter.status is not EstimateStatus.OK:
+                    health.values[parameter.name] = f'{parameter.status.value}: {parameter.note}'
+        return [*super().diagnose(), health]
+
+    @staticmethod
+    def _length(message: BodyMotionBlock) -> int:
+        return len(message.displacement) // max(1, len(message.coordinates))
+
+    def _publish_news(self) -> None:
+        if self._has_news and self.is_active:
+            self._publish()
+
+    def _publish(self) -> None:
+        self._has_news = False
+        identifier = self._ready()
+        self._last = identifier.estimate()
+        self._estimates.publish(
+            estimate_to_message(
+                self._last,
+                stand=self.stand,
+                stream_id=identifier.follower.stream_id or 0,
+                stamp=self._stamp,
+                last_index=self._last_index,
+                stream_ended=identifier.follower.ended,
+            )
+        )
+
+    def _reset(self, _request: ResetIdentifier.Request) -> str:
+        identifier = self._ready()
+        forgotten = identifier.samples
+        identifier.reset()
+        self._publish()
+        return f'{forgotten} samples forgotten'
+
+    def _save(self, request: SaveIdentifierState.Request) -> str:
+        identifier = self._ready()
+        path = self._path(request.file_name)
+        save_state(path, identifier.state)
+        return str(path.absolute())
+
+    def _load(self, request: LoadIdentifierState.Request) -> str:
+        identifier = self._ready()
+        identifier.restore(load_state(self._path(request.file_name)))
+        self._publish()
+        return f'{identifier.samples} samples loaded'
+
+    def _ready(self) -> Identifier:
+        if self._identifier is None:
+            raise DataError('no description of the stand has come yet, so there is no machine')
+        return self._identifier
+
+    def _path(self, name: str) -> Path:
+        folder = self.setting('state_directory')
+        if not folder:
+            raise DataError('parameter state_directory is empty; set it to a folder')
+        return state_path(folder, name)
+
+    def _forget_estimates(self) -> None:
+        self._machine_text = ''
+        self._has_news = False
+        self._last = None
+        self._stamp = self._last_index = 0
+
+
+def _answered(answer: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
+    """Make a service of a function that returns the message or raises."""
+
+    def call(request: Any, response: Any) -> Any:
+        try:
+            response.message = answer(request)
+            response.success = True
+        except IdentnlError as error:
+            response.message = str(error)
+            response.success = False
+        return response
+
+    return call
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """
+    Run the node.
+
+    Parameters
+    ----------
+    args : sequence of str or None
+        None: those of the process.
+
+    Returns
+    -------
+    int
+        Exit code.
+
+    """
+    return run(lambda: [IdentifierNode()], args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,134 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Declaration of parameters: each with a description, a range and whether it may change."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.lifecycle import LifecycleNode
+from rclpy.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class Setting:
+    """
+    One parameter of a node.
+
+    Parameters
+    ----------
+    name : str
+    default : bool, int, float, str or list of str
+        Also tells the type.
+    description : str
+        With the unit.
+    lowest, highest : float or None
+        Range of a number; None: not a number.
+    choices : tuple of str
+        What a text may be; empty: anything.
+    live : bool
+        May change while the node is configured; else it counts from the next configuration on.
+    read_only : bool
+        Can only be set as the node starts.
+
+    """
+
+    name: str
+    default: Any
+    description: str
+    lowest: float | None = None
+    highest: float | None = None
+    choices: tuple[str, ...] = ()
+    live: bool = False
+    read_only: bool = False
+
+    @property
+    def descriptor(self) -> ParameterDescriptor:
+        """What tools show of the parameter."""
+        descriptor = ParameterDescriptor(
+            description=self.description,
+            read_only=self.read_only,
+            additional_constraints=(f'one of: {", ".join(self.choices)}' if self.choices else ''),
+        )
+        if self.lowest is not None and self.highest is not None:
+            if isinstance(self.default, float):
+                descriptor.floating_point_range = [
+                    FloatingPointRange(from_value=float(self.lowest), to_value=float(self.highest))
+                ]
+            else:
+                descriptor.integer_range = [
+                    IntegerRange(from_value=int(self.lowest), to_value=int(self.highest))
+                ]
+        return descriptor
+
+    def refusal(self, value: Any) -> str:
+        """
+        Say why a value cannot be taken.
+
+        Parameters
+        ----------
+        value : object
+
+        Returns
+        -------
+        str
+            Empty: it can.
+
+        """
+        if self.choices and value not in self.choices:
+            return f'{self.name} is "{value}", expected one of: {", ".join(self.choices)}'
+        return ''
+
+
+AUTOSTART = Setting(
+    'autostart',
+    True,
+    'Configure and activate the node as it starts; a failure then ends the process with code 1. '
+    'false: wait for a lifecycle manager.',
+    read_only=True,
+)
+
+
+def declare(
+    node: LifecycleNode, settings: tuple[Setting, ...], is_configured: Callable[[], bool]
+) -> None:
+    """
+    Declare parameters and refuse changes that cannot take effect.
+
+    Parameters
+    ----------
+    node : LifecycleNode
+    settings : tuple of Setting
+    is_configured : callable
+        Whether it is too late to change a parameter that is not live.
+
+    """
+    known = {setting.name: setting for setting in settings}
+    for setting in settings:
+        node.declare_parameter(setting.name, setting.default, setting.descriptor)
+    clock = node.describe_parameter('use_sim_time')
+    clock.description = 'Take the time from the topic /clock instead of the computer.'
+    node.set_descriptor('use_sim_time', clock)
+
+    def check(parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            setting = known.get(parameter.name)
+            if setting is None:
+                continue
+            if reason := setting.refusal(parameter.value):
+                return SetParametersResult(successful=False, reason=reason)
+            if not setting.live and is_configured():
+                return SetParametersResult(
+                    successful=False,
+                    reason=f'{parameter.name} counts from the next configuration on; '
+                    'clean the node up first',
+                )
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(check)

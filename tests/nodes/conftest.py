@@ -1,0 +1,272 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Real node processes over DDS, and a node of the test that watches and disturbs them."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import astuple, replace
+import os
+from pathlib import Path
+import pickle
+import subprocess
+import sys
+import time
+from types import SimpleNamespace
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from identnl_msgs.msg import (  # noqa: E402
+    BodyMotionBlock,
+    ParameterEstimateArray,
+    SampleBlock,
+    StandDescription as StandDescriptionMessage,
+)
+from identnl_ros.core.estimate import Estimate  # noqa: E402
+from identnl_ros.nodes import qos  # noqa: E402
+from identnl_ros.nodes.estimate_conversion import estimate_from_message  # noqa: E402
+from identnl_ros.sources.simulated import Excitation, SimulatedSource, TestRun  # noqa: E402
+from identnl_ros.storage.layout_file import load_layout  # noqa: E402
+from identnl_ros.storage.machine_file import load_machine  # noqa: E402
+from rclpy.context import Context  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+MACHINE = ROOT / 'config' / 'knee_column.yaml'
+LAYOUT = ROOT / 'config' / 'knee_column_layout.yaml'
+NAMESPACE = '/bench'
+RUN = {'duration': 1.0, 'sample_rate': 5000.0, 'seed': 3, 'excitation': 'multisine'}
+
+
+OFFLINE = """
+import pickle, sys
+from identnl_ros.core.identifier import Identifier
+from identnl_ros.core.model import assemble
+from identnl_ros.core.transform import MotionTransform
+from identnl_ros.storage.machine_file import read_machine
+
+description, blocks = pickle.load(open(sys.argv[1], 'rb'))
+model = assemble(read_machine(description.machine_text, 'here'))
+transform = MotionTransform(model, description.layout, description.sample_rate)
+identifier = Identifier(model)
+for motion in map(transform.add, blocks):
+    if motion is not None:
+        identifier.add(motion)
+pickle.dump(identifier.estimate(), open(sys.argv[1], 'wb'))
+"""
+
+
+class NodeProcess:
+    """A process with nodes, its output in a file."""
+
+    def __init__(self, module: str, parameters: dict[str, object], folder: Path) -> None:
+        self.log = folder / f'{module}_{time.monotonic_ns()}.log'
+        arguments = [sys.executable, '-m', f'identnl_ros.nodes.{module}', '--ros-args']
+        arguments += ['-r', f'__ns:={NAMESPACE}']
+        name = parameters.pop('node_name', None)
+        arguments += ['-r', f'__node:={name}'] if name else []
+        for name, value in parameters.items():
+            arguments += ['-p', f'{name}:={_yaml(value)}']
+        self._output = self.log.open('w')
+        self.process = subprocess.Popen(
+            arguments, stdout=self._output, stderr=subprocess.STDOUT, cwd=folder
+        )
+
+    @property
+    def output(self) -> str:
+        return self.log.read_text()
+
+    def signal(self, number: int) -> None:
+        self.process.send_signal(number)
+
+    def exit_code(self, timeout: float = 10.0) -> int:
+        return self.process.wait(timeout)
+
+    def kill(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        self._output.close()
+
+
+class Watcher:
+    """A node of the test."""
+
+    def __init__(self) -> None:
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node(
+            'watcher', namespace=NAMESPACE, context=self.context, use_global_arguments=False
+        )
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.estimates: list[ParameterEstimateArray] = []
+        self.blocks: list[SampleBlock] = []
+        self.motions: list[BodyMotionBlock] = []
+        self.descriptions: list[StandDescriptionMessage] = []
+        self.health: dict[str, SimpleNamespace] = {}
+        subscribe = self.node.create_subscription
+        subscribe(ParameterEstimateArray, 'estimates', self.estimates.append, qos.estimates())
+        subscribe(DiagnosticArray, '/diagnostics', self._note_health, qos.diagnostics())
+
+    def listen(self, what: str) -> None:
+        """Collect blocks or descriptions as well."""
+        if what == 'samples':
+            self.node.create_subscription(SampleBlock, what, self.blocks.append, qos.blocks())
+        else:
+            self.node.create_subscription(
+                StandDescriptionMessage, what, self.descriptions.append, qos.stand_description()
+            )
+
+    def until(self, condition: Callable[[], object], timeout: float = 15.0) -> object:
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.05)
+            if result := condition():
+                return result
+        raise AssertionError(f'did not happen in {timeout} s; health: {self.health}')
+
+    def final_estimate(self, timeout: float = 30.0) -> ParameterEstimateArray:
+        return self.until(
+            lambda: self.estimates and self.estimates[-1].stream_ended and self.estimates[-1],
+            timeout,
+        )
+
+    def health_of(self, name: str, words: str, level: int = 1, timeout: float = 15.0) -> str:
+        """Wait until a part reports something of a level."""
+
+        def found() -> str | None:
+            part = self.health.get(f'{NAMESPACE}/{name}'.lstrip('/'))
+            known = part is not None and part.level >= level and words in part.message
+            return part.message if known else None
+
+        return self.until(found, timeout)
+
+    def call(self, kind: type, service: str, **fields: object) -> object:
+        client = self.node.create_client(kind, service)
+        try:
+            self.until(client.service_is_ready)
+            future = client.call_async(kind.Request(**fields))
+            self.until(future.done)
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    def _note_health(self, array: DiagnosticArray) -> None:
+        for status in array.status:
+            values = {item.key: item.value for item in status.values}
+            self.health[status.name] = SimpleNamespace(
+                level=status.level[0], message=status.message, values=values
+            )
+
+
+@pytest.fixture
+def start(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
+    """Start a process with nodes; all are ended by their number afterwards."""
+    started: list[NodeProcess] = []
+
+    def run(module: str, **parameters: object) -> NodeProcess:
+        started.append(NodeProcess(module, parameters, tmp_path))
+        return started[-1]
+
+    yield run
+    for process in started:
+        process.kill()
+        sys.stdout.write(f'{process.log.name}:\n{process.output}\n')  # shown if the test fails
+
+
+@pytest.fixture
+def bridge_settings() -> dict[str, object]:
+    """Parameters of the bridge for the run that `offline` computes."""
+    return {
+        **RUN,
+        'machine_file': MACHINE,
+        'layout_file': LAYOUT,
+        'speed': 0.0,
+        'stream_from_seed': True,
+        'wait_for_consumers': 2,
+    }
+
+
+@pytest.fixture
+def watcher(ros_domain: int) -> Iterator[Watcher]:
+    node = Watcher()
+    yield node
+    node.close()
+
+
+@pytest.fixture(scope='session')
+def machine():
+    return load_machine(MACHINE)
+
+
+@pytest.fixture(scope='session')
+def source(machine):
+    """Make the same run as the bridge does."""
+    layout = load_layout(LAYOUT)
+    run = TestRun(
+        excitation=Excitation(RUN['excitation']),
+        duration=RUN['duration'],
+        sample_rate=RUN['sample_rate'],
+        seed=RUN['seed'],
+    )
+    return SimulatedSource(machine.machine, layout.layout, run, machine.text, layout.text)
+
+
+@pytest.fixture(scope='session')
+def blocks(source):
+    return list(source.blocks())
+
+
+@pytest.fixture(scope='session')
+def offline(source, blocks, tmp_path_factory):
+    """Estimate of the core alone: one process, no ROS, as many threads as the nodes have."""
+    file = tmp_path_factory.mktemp('offline') / 'estimate'
+    file.write_bytes(pickle.dumps((source.description, blocks)))
+    environment = {**os.environ, 'OPENBLAS_NUM_THREADS': '1'}
+    subprocess.run([sys.executable, '-c', OFFLINE, file], env=environment, check=True, timeout=60)
+    return pickle.loads(file.read_bytes())
+
+
+@pytest.fixture(scope='session')
+def bits() -> Callable[[Estimate], tuple[object, ...]]:
+    """Everything in an estimate, numbers as hexadecimal digits."""
+
+    def of(estimate: Estimate) -> tuple[object, ...]:
+        parameters = tuple(
+            replace(
+                parameter,
+                value=float(parameter.value).hex(),
+                standard_deviation=float(parameter.standard_deviation).hex(),
+            )
+            for parameter in estimate.parameters
+        )
+        return astuple(
+            replace(
+                estimate,
+                parameters=parameters,
+                covariance=estimate.covariance.tobytes(),
+                residual=float(estimate.residual).hex(),
+                condition_number=float(estimate.condition_number).hex(),
+            )
+        )
+
+    return of
+
+
+@pytest.fixture(scope='session')
+def same_bits(bits) -> Callable[[ParameterEstimateArray, Estimate], bool]:
+    return lambda message, estimate: bits(estimate_from_message(message)) == bits(estimate)
+
+
+def _yaml(value: object) -> str:
+    if isinstance(value, bool):
+        return 'true' if value else 'false'
+    return str(value)

@@ -16,11 +16,12 @@ import sys
 import tempfile
 import time
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.equilibrium import static_equilibrium
 from identnl_ros.core.excitation import sine
 from identnl_ros.core.identifier import Identifier
 from identnl_ros.core.information import Information
-from identnl_ros.core.model import assemble, Model
+from identnl_ros.core.model import Model
 from identnl_ros.core.regression import PointwiseRegression
 from identnl_ros.core.simulation import Simulation, steps_per_sample
 from identnl_ros.core.transform import MotionTransform

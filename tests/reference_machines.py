@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Machines of the tests, built from the core alone so that no file format is involved."""
 
-import numpy as np
-
-from identnl_ros.core.joints import Coefficient, Slideway, SpringDamper, frame_about
+from identnl_ros.core.joints import Coefficient, frame_about, Slideway, SpringDamper
 from identnl_ros.core.layout import Layout, Sensor, SensorKind
 from identnl_ros.core.machine import Body, ExcitationPoint, Machine
+import numpy as np
 
 OMEGA_REFERENCE = 2 * np.pi * 40.0
 DECANEWTON_PER_MICROMETRE = 1e7
@@ -37,7 +36,7 @@ def pads(body='column'):
 
 
 def knee_and_column(coupled=False):
-    """Reference machine: all 16 slideway parameters unknown."""
+    """Build the reference machine: all 16 slideway parameters unknown."""
     knee = Body('knee', Coefficient(260.0), np.array([0.42, 0.0, 0.70]),
                 np.diag([14.0, 18.0, 12.0]))
     root = np.sqrt(0.5)
@@ -71,7 +70,7 @@ def knee_and_column(coupled=False):
 
 def complete_layout(machine, displacement_noise=0.0, acceleration_noise=0.0, velocity_noise=0.0,
                     kinds=tuple(SensorKind)[1:]):
-    """Three-axis displacement, velocity and acceleration at three corners of every body, every force."""
+    """Put three-axis sensors of motion at three corners of every body, a cell on every exciter."""
     sensors = [
         Sensor(f'{point.name}_cell', SensorKind.FORCE, excitation=point.name, noise=0.0)
         for point in machine.excitations

@@ -64,7 +64,10 @@ def signed_power_slope(deformation: Reals, exponent: float, preload: float) -> R
     float or ndarray
 
     """
-    return exponent * np.abs(preload + deformation) ** (exponent - 1.0)
+    total = np.abs(preload + deformation)
+    touching = (total == 0.0) & (exponent < 1.0)
+    slope = exponent * np.where(touching, 1.0, total) ** (exponent - 1.0)
+    return np.where(touching, np.inf, slope)
 
 
 def contact(deformation: Reals, exponent: float, preload: float) -> Reals:

@@ -164,7 +164,9 @@ class NoiseBias:
         slopes = np.empty((len(displacement), len(self._elastic)))
         deformation = displacement @ self._model.lines.T
         for i, term in enumerate(self._elastic):
-            slopes[:, i] = term.law.stiffness(deformation[:, term.line])
+            slope = term.law.stiffness(deformation[:, term.line])
+            # A power below one is infinitely steep at a point, where no noise is small.
+            slopes[:, i] = np.where(np.isfinite(slope), slope, 0.0)
         return SlopeSums(
             sums.products + slopes.T @ slopes,
             sums.sums + slopes.sum(axis=0),

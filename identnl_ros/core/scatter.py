@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Fewer groups than this per unknown say too little about the scatter.
-GROUPS_PER_UNKNOWN = 3
+GROUPS_PER_UNKNOWN = 8
+# Rows in which a column is so much longer than it was give a better reference.
+GROWTH = 10.0
 
 
 @dataclass(frozen=True)
@@ -83,21 +85,37 @@ class Scatter:
         """
         size = regressor.shape[1]
         scale, reference = self.scale, self.reference
-        if not scale.any():
+        kept = self.moments
+        lengths = np.linalg.norm(regressor, axis=0)
+        if np.any(lengths > GROWTH * scale[:size]):
+            # These rows say more than the first ones did: they give the reference from now on.
             solution = Information.empty(size).with_rows(regressor, target).solve()
             reference = solution.values
+            residual = np.linalg.norm(target - regressor @ reference, keepdims=True)
+            scale = np.maximum(np.concatenate((lengths, residual)), scale)
+            kept = self._referred_to(reference, scale)
         table = np.column_stack((regressor, target - regressor @ reference))
-        if not scale.any():
-            scale = np.linalg.norm(table, axis=0)
-            scale[scale == 0] = 1.0
-        table /= scale
+        table /= np.where(scale > 0, scale, 1.0)
         count = max(1, len(table) // rows)
         whole = table[: count * rows].reshape(count, -1, size + 1)
         moments = np.matmul(whole[:, :, :size].transpose(0, 2, 1), whole)
         left_over = table[count * rows :]
         moments[-1] += left_over[:, :size].T @ left_over
         flat = moments.reshape(count, -1)
-        return Scatter(self.moments + flat.T @ flat, scale, reference, self.groups + count)
+        return Scatter(kept + flat.T @ flat, scale, reference, self.groups + count)
+
+    def _referred_to(
+        self, reference: NDArray[np.float64], scale: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Express the moments by another reference and scale."""
+        size = len(reference)
+        before, after = (np.where(part > 0, part, 1.0) for part in (self.scale, scale))
+        # [Phi, r'] = [Phi, r] @ change, in the units of the scales.
+        change = np.diag(before / after)
+        change[:size, size] = (self.reference - reference) * before[:size] / after[size]
+        turn = np.kron(np.diag(before[:size] / after[:size]), change)
+        result: NDArray[np.float64] = turn.T @ self.moments @ turn
+        return result
 
     def covariance(
         self, values: NDArray[np.float64], inverse: NDArray[np.float64]
@@ -121,11 +139,12 @@ class Scatter:
         size = len(values)
         if self.groups < GROUPS_PER_UNKNOWN * size + 2:
             return None
-        change = (values - self.reference) * self.scale[:size] / self.scale[size]
+        scale = np.where(self.scale > 0, self.scale, 1.0)
+        change = (values - self.reference) * scale[:size] / scale[size]
         weights = np.append(-change, 1.0)
         folded = self.moments.reshape(size, size + 1, size, size + 1)
         # Phi_g^T r_g, scaled, is linear in the moments of the group.
         spread = np.einsum('iajb,a,b->ij', folded, weights, weights, optimize=True)
-        outer = inverse * (self.scale[:size] * self.scale[size])
+        outer = inverse * (scale[:size] * scale[size])
         result: NDArray[np.float64] = outer @ spread @ outer.T
         return result * self.groups / (self.groups - size)

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 
 # Largest step times the fastest eigenvalue at rest: the local error is then about 1e-12.
 STEP_LIMIT = 0.3
+# Times that the steps are made smaller, fourfold where the integration broke down.
+REFINEMENTS = 7
 LARGEST_MOTION = 1e6  # [m] or [rad]
 
 
@@ -197,12 +199,22 @@ class Simulation:
 
         """
         start = self._index * self.interval
-        displacement, velocity, *final = self._integrated(start, count)
-        # A joint that hardens under way makes faster motions than at rest: smaller steps, then.
-        needed = steps_per_sample(self.model, displacement, self.interval)
-        if needed > self.steps:
-            self.steps = needed
+        for _ in range(REFINEMENTS):
             displacement, velocity, *final = self._integrated(start, count)
+            bounded = self._bounded(displacement, final[0])
+            # A joint that hardens under way makes faster motions than at rest: smaller steps,
+            # then. With far too large ones the integration itself breaks down.
+            passed = displacement[: max(bounded, 1)]
+            needed = steps_per_sample(self.model, passed, self.interval)
+            if needed <= self.steps:
+                break
+            self.steps = needed if bounded > count else min(needed, 4 * self.steps)
+        if bounded <= count:
+            time = start + self.interval * bounded
+            raise MachineError(
+                f'machine {self.model.machine.name}: the motion grows without bound at about '
+                f'{time:.4g} s; check for negative stiffness or damping, or too large a force'
+            )
         self.displacement, self.velocity = final
         self._index += count
         outputs = [self._output(displacement, velocity, start, fraction) for fraction in fractions]
@@ -210,23 +222,22 @@ class Simulation:
         return np.stack(displacements), np.stack(velocities), np.stack(accelerated)
 
     def _integrated(self, start: float, count: int) -> tuple[NDArray[np.float64], ...]:
-        """Integrate from the present state; refuse what grows without bound."""
+        """Integrate from the present state."""
         step = self.interval / self.steps
         result: tuple[NDArray[np.float64], ...] = integrate(
             self.displacement, self.velocity, step, self.steps,
             self._stage_forces(start, step, count * self.steps), *self._equations.arrays,
         )  # fmt: skip
-        states = np.vstack((result[0], result[2]))
+        return result
+
+    @staticmethod
+    def _bounded(displacement: NDArray[np.float64], last: NDArray[np.float64]) -> int:
+        """Count the states before the motion grows beyond all bounds."""
+        states = np.vstack((displacement, last))
         finite = np.isfinite(states).all(axis=1)
         # So large a motion overflows next, and no machine makes it.
         finite &= np.abs(np.where(np.isfinite(states), states, 0.0)).max(axis=1) < LARGEST_MOTION
-        if not finite.all():
-            time = start + self.interval * int(np.argmin(finite))
-            raise MachineError(
-                f'machine {self.model.machine.name}: the motion grows without bound at about '
-                f'{time:.4g} s; check for negative stiffness or damping, or too large a force'
-            )
-        return result
+        return len(states) if finite.all() else int(np.argmin(finite))
 
     def _output(
         self,

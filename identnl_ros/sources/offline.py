@@ -5,11 +5,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import DataError, IdentnlError
 from identnl_ros.core.estimate import Estimate
 from identnl_ros.core.identifier import Identifier
 from identnl_ros.core.machine import Machine
-from identnl_ros.core.model import assemble, Model
+from identnl_ros.core.model import Model
 from identnl_ros.core.transform import MotionTransform
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.blocks import SampleBlock, samples_per_block
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.excitation import (
@@ -18,7 +19,6 @@ from identnl_ros.core.excitation import (
 )
 from identnl_ros.core.layout import Layout
 from identnl_ros.core.machine import ExcitationPoint, Machine
-from identnl_ros.core.model import assemble
 from identnl_ros.core.stand import SimulatedStand
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.blocks import SampleBlock
 from identnl_ros.core.equilibrium import static_equilibrium
 from identnl_ros.core.errors import IdentnlError
 from identnl_ros.core.layout import Layout
 from identnl_ros.core.machine import Machine
-from identnl_ros.core.model import assemble
 from identnl_ros.core.modes import modes
 from identnl_ros.core.transform import MotionTransform
 from identnl_ros.storage.bag_reader import open_bag

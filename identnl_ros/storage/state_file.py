@@ -68,7 +68,8 @@ def save_state(path: Path, state: IdentifierState) -> None:
         descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
         part = Path(name)
         with os.fdopen(descriptor, 'wb') as stream:
-            np.savez(stream, format=np.array(FORMAT), **dict(_flattened(state, '')))
+            tables: dict[str, Any] = dict(_flattened(state, ''))
+            np.savez(stream, format=np.array(FORMAT), **tables)
             stream.flush()
             os.fsync(stream.fileno())
         part.replace(path)
@@ -110,7 +111,7 @@ def load_state(path: Path) -> IdentifierState:
     try:
         found = int(content['format'])
         if found == FORMAT:
-            state = _built(IdentifierState, content, '')
+            state: IdentifierState = _built(IdentifierState, content, '')
     except (KeyError, TypeError, ValueError):
         raise DataError(
             f'{path} is no state of an identifier, damaged, or from another version'
@@ -139,7 +140,7 @@ def _built(kind: Any, content: Mapping[str, NDArray[Any]], name: str) -> Any:
         if not any(key == name or key.startswith(f'{name}.') for key in content):
             return None
         (kind,) = (one for one in get_args(kind) if one is not NoneType)
-    if is_dataclass(kind):
+    if isinstance(kind, type) and is_dataclass(kind):
         types = get_type_hints(kind)
         return kind(
             **{key: _built(types[key], content, f'{name}.{key}'.strip('.')) for key in types}

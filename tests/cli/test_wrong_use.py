@@ -43,7 +43,10 @@ def in_checkout(monkeypatch, config):
         ((*SINE, '--out', 'OUT', '--band', '400', '300'), ('band is 400',)),
         ((*SINE, '--out', 'OUT', '--band', '5.1', '5.2'), ('no multiple of 1 Hz',)),
         ((*SINE, '--out', 'OUT', '--excitation', 'recorded'), ('--force',)),
-        ((*SINE, '--out', 'OUT', '--layout', 'config/oscillator_layout.yaml'), ('mass', 'no body')),
+        (
+            (*SINE, '--out', 'OUT', '--layout', 'config/oscillator_layout.yaml'),
+            ('mass', 'no body'),
+        ),
         ((*SINE, '--out', 'README.md'), ('README.md', 'exists')),
         ((*SINE, '--out', 'no/such/folder/x.mcap'), ('no/such/folder',)),
         (('simulate', '--machine', 'config/nodes', '--out', 'OUT'), ('config/nodes',)),

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The layout for machines without one: it sees everything, whatever the machine."""
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.complete_layout import (
     ARM,
     complete_layout,
@@ -10,7 +11,6 @@ from identnl_ros.core.complete_layout import (
 )
 from identnl_ros.core.layout import SensorKind
 from identnl_ros.core.machine import Body, ExcitationPoint, Machine
-from identnl_ros.core.model import assemble
 from identnl_ros.core.observation import observe_force, observe_motion, sensor_matrix
 from identnl_ros.core.transform import MotionTransform
 import numpy as np

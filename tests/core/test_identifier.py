@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.blocks import MotionBlock
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimate import EstimateStatus
@@ -12,7 +13,6 @@ from identnl_ros.core.identifier import Identifier
 from identnl_ros.core.joints import GROUND, SpringDamper
 from identnl_ros.core.layout import Layout, SensorKind
 from identnl_ros.core.machine import Body, ConstantForce, ExcitationPoint, Machine
-from identnl_ros.core.model import assemble
 from identnl_ros.core.regression import PointwiseRegression
 from identnl_ros.core.stand import SimulatedStand
 import numpy as np
@@ -340,10 +340,10 @@ def test_noise_found_from_the_samples_stands_in_for_a_statement():
 
 @pytest.mark.parametrize('size', [10, 50, 500])
 def test_noise_found_from_the_samples_depends_on_the_blocks_by_rounding_only(size):
-    model, samples = noisy_record()
+    model, samples = noisy_record(seconds=0.6)
     whole, parts = (
         identified(model, UNSTATED, blocks_of(samples, RATE, sizes))
-        for sizes in ((), [size] * (6000 // size))
+        for sizes in ((), [size] * (3000 // size))
     )
     np.testing.assert_array_equal(values_of(whole), values_of(parts))
     np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-9)
@@ -626,12 +626,12 @@ def test_pooled_intervals_of_knee_and_column_with_a_noisy_force_cell(coupled):
     model = assemble(machine)
     layout = complete_layout(machine)
     layout = Layout((replace(layout.sensors[0], noise=5.0), *layout.sensors[1:]))
-    samples = record(model, layout, 0.15, amplitude=1000.0, band=(5.0, 300.0), rate=1e4)
+    samples = record(model, layout, 0.1, amplitude=1000.0, band=(5.0, 300.0), rate=1e4)
     runs = 40
     inside = np.empty((runs, 16), bool)
     for seed in range(runs):
         noisy = with_noise(samples, layout, seed)
-        estimate = identified(model, layout, blocks_of(noisy, 1e4, [700]))
+        estimate = identified(model, layout, blocks_of(noisy, 1e4, [300]))
         assert {parameter.status for parameter in estimate.parameters} == {OK}
         error = np.abs(values_of(estimate) - truth_of(model))
         inside[seed] = error < 1.96 * deviations_of(estimate)

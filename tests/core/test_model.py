@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The assembled equations of motion: rigid-body facts, energy, derivatives, a chain by hand."""
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.model import assemble
 from identnl_ros.core.principal_axes import principal_axes
 import numpy as np
 import pytest

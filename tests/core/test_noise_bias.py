@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What noise adds to the moments of the regression, against many noisy transformed records."""
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.joints import GROUND, SpringDamper
 from identnl_ros.core.layout import SensorKind
 from identnl_ros.core.machine import Body, ExcitationPoint, Machine
-from identnl_ros.core.model import assemble
 from identnl_ros.core.noise_bias import NoiseBias, NoiseCovariances
 from identnl_ros.core.observation import sensor_matrix
 from identnl_ros.core.regression import PointwiseRegression

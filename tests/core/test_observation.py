@@ -4,9 +4,9 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import LayoutError
 from identnl_ros.core.layout import Layout, Sensor, SensorKind
-from identnl_ros.core.model import assemble
 from identnl_ros.core.observation import observe_force, observe_motion, sensor_matrix
 from identnl_ros.core.principal_axes import principal_axes
 import numpy as np

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compiled integrator against closed forms and against independent integrators."""
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.excitation import Impulses, multisine, sine, Sweep
 from identnl_ros.core.integrator import integrate, NODES
 from identnl_ros.core.joints import SpringDamper
 from identnl_ros.core.machine import Body, ExcitationPoint, Machine
-from identnl_ros.core.model import assemble
 from identnl_ros.core.simulation import (
     equations_of,
     LARGEST_MOTION,
@@ -147,10 +147,9 @@ def duffing(damping=30.0):
 def with_steps(model, signal, interval, steps, count, start):
     """Return the displacement of the first coordinate with just so many steps."""
     step = interval / steps
-    instants = step * np.add.outer(np.arange(count * steps), NODES)
-    force = np.array([signal.on_grid(instant, 1.0, 1)[0] for instant in instants.ravel()])
+    forces = [signal.on_grid(node * step, step, count * steps) for node in NODES]
     return integrate(
-        start, 0 * start, step, steps, force.reshape(*instants.shape, 1),
+        start, 0 * start, step, steps, np.ascontiguousarray(np.transpose(forces)[..., np.newaxis]),
         *equations_of(model).arrays,
     )[0][:, 0]  # fmt: skip
 

@@ -4,11 +4,11 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.blocks import ChannelStatus
 from identnl_ros.core.errors import LayoutError
 from identnl_ros.core.excitation import multisine, sine, Sweep
 from identnl_ros.core.layout import Layout, Sensor, SensorKind
-from identnl_ros.core.model import assemble
 from identnl_ros.core.stand import SimulatedStand
 import numpy as np
 import pytest

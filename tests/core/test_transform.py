@@ -5,9 +5,9 @@
 from dataclasses import replace
 from itertools import pairwise
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import DataError, LayoutError
 from identnl_ros.core.layout import Layout, SensorKind
-from identnl_ros.core.model import assemble
 from identnl_ros.core.observation import sensor_matrix
 from identnl_ros.core.transform import HALF_WIDTH, MotionTransform
 import numpy as np

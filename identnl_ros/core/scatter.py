@@ -91,7 +91,7 @@ class Scatter:
             # These rows say more than the first ones did: they give the reference from now on.
             solution = Information.empty(size).with_rows(regressor, target).solve()
             reference = solution.values
-            residual = np.linalg.norm(target - regressor @ reference, keepdims=True)
+            residual = np.linalg.norm(target - regressor @ reference, axis=0, keepdims=True)
             scale = np.maximum(np.concatenate((lengths, residual)), scale)
             kept = self._referred_to(reference, scale)
         table = np.column_stack((regressor, target - regressor @ reference))

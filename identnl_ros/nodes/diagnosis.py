@@ -154,5 +154,7 @@ def full_names(ends: Iterable[object]) -> set[str]:
 
 
 def _full_name(end: object) -> str:
+    if 'UNKNOWN' in end.node_name:  # type: ignore[attr-defined]
+        return 'a node that has not told its name yet'
     name, namespace = end.node_name, end.node_namespace  # type: ignore[attr-defined]
     return f'{namespace.rstrip("/")}/{name}'

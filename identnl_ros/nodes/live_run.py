@@ -16,6 +16,7 @@ from identnl_ros.core.errors import DataError
 from identnl_ros.nodes import qos
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+import rclpy.utilities
 
 POLL_INTERVAL = 0.1  # [s]
 LONGEST_SILENCE = 60.0  # [s]
@@ -91,7 +92,7 @@ class LiveRun:
                 process.wait()
         self._executor.shutdown()
         self._node.destroy_node()
-        rclpy.try_shutdown()
+        rclpy.utilities.try_shutdown()
 
     def estimates(self) -> Iterator[ParameterEstimateArray]:
         """

@@ -19,17 +19,15 @@ rclpy = pytest.importorskip('rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from identnl_msgs.msg import (  # noqa: E402
-    BodyMotionBlock,
     ParameterEstimateArray,
-    SampleBlock,
+    SampleBlock as SampleBlockMessage,
     StandDescription as StandDescriptionMessage,
 )
+from identnl_ros.core.blocks import SampleBlock  # noqa: E402
 from identnl_ros.core.estimate import Estimate  # noqa: E402
 from identnl_ros.nodes import qos  # noqa: E402
 from identnl_ros.nodes.estimate_conversion import estimate_from_message  # noqa: E402
-from identnl_ros.sources.simulated import Excitation, SimulatedSource, TestRun  # noqa: E402
-from identnl_ros.storage.layout_file import load_layout  # noqa: E402
-from identnl_ros.storage.machine_file import load_machine  # noqa: E402
+from identnl_ros.storage.stand_description import StandDescription  # noqa: E402
 from rclpy.context import Context  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 
@@ -40,21 +38,30 @@ NAMESPACE = '/bench'
 RUN = {'duration': 1.0, 'sample_rate': 5000.0, 'seed': 3, 'excitation': 'multisine'}
 
 
+# What the bridge and all after it should give, from the core alone: one process, no ROS. With as
+# many threads of linear algebra as the nodes have, since rounding depends on them.
 OFFLINE = """
 import pickle, sys
 from identnl_ros.core.identifier import Identifier
-from identnl_ros.core.model import assemble
+from identnl_ros.core.assembly import assemble
 from identnl_ros.core.transform import MotionTransform
-from identnl_ros.storage.machine_file import read_machine
+from identnl_ros.sources.simulated import Excitation, SimulatedSource, TestRun
+from identnl_ros.storage.layout_file import load_layout
+from identnl_ros.storage.machine_file import load_machine
 
-description, blocks = pickle.load(open(sys.argv[1], 'rb'))
-model = assemble(read_machine(description.machine_text, 'here'))
-transform = MotionTransform(model, description.layout, description.sample_rate)
+machine_file, layout_file, settings, result = sys.argv[1:]
+machine, layout = load_machine(machine_file), load_layout(layout_file)
+settings = eval(settings)
+run = TestRun(**{**settings, 'excitation': Excitation(settings['excitation'])})
+source = SimulatedSource(machine.machine, layout.layout, run, machine.text, layout.text)
+blocks = list(source.blocks())
+model = assemble(machine.machine)
+transform = MotionTransform(model, layout.layout, run.sample_rate)
 identifier = Identifier(model)
 for motion in map(transform.add, blocks):
     if motion is not None:
         identifier.add(motion)
-pickle.dump(identifier.estimate(), open(sys.argv[1], 'wb'))
+pickle.dump((source.description, blocks, identifier.estimate()), open(result, 'wb'))
 """
 
 
@@ -103,8 +110,7 @@ class Watcher:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.estimates: list[ParameterEstimateArray] = []
-        self.blocks: list[SampleBlock] = []
-        self.motions: list[BodyMotionBlock] = []
+        self.blocks: list[SampleBlockMessage] = []
         self.descriptions: list[StandDescriptionMessage] = []
         self.health: dict[str, SimpleNamespace] = {}
         subscribe = self.node.create_subscription
@@ -114,7 +120,9 @@ class Watcher:
     def listen(self, what: str) -> None:
         """Collect blocks or descriptions as well."""
         if what == 'samples':
-            self.node.create_subscription(SampleBlock, what, self.blocks.append, qos.blocks())
+            self.node.create_subscription(
+                SampleBlockMessage, what, self.blocks.append, qos.blocks()
+            )
         else:
             self.node.create_subscription(
                 StandDescriptionMessage, what, self.descriptions.append, qos.stand_description()
@@ -203,36 +211,30 @@ def watcher(ros_domain: int) -> Iterator[Watcher]:
 
 
 @pytest.fixture(scope='session')
-def machine():
-    return load_machine(MACHINE)
-
-
-@pytest.fixture(scope='session')
-def source(machine):
-    """Make the same run as the bridge does."""
-    layout = load_layout(LAYOUT)
-    run = TestRun(
-        excitation=Excitation(RUN['excitation']),
-        duration=RUN['duration'],
-        sample_rate=RUN['sample_rate'],
-        seed=RUN['seed'],
+def computed(tmp_path_factory: pytest.TempPathFactory) -> tuple[object, ...]:
+    file = tmp_path_factory.mktemp('offline') / 'result'
+    subprocess.run(
+        [sys.executable, '-c', OFFLINE, MACHINE, LAYOUT, repr(RUN), file],
+        env={**os.environ, 'OPENBLAS_NUM_THREADS': '1'},
+        check=True,
+        timeout=120,
     )
-    return SimulatedSource(machine.machine, layout.layout, run, machine.text, layout.text)
-
-
-@pytest.fixture(scope='session')
-def blocks(source):
-    return list(source.blocks())
-
-
-@pytest.fixture(scope='session')
-def offline(source, blocks, tmp_path_factory):
-    """Estimate of the core alone: one process, no ROS, as many threads as the nodes have."""
-    file = tmp_path_factory.mktemp('offline') / 'estimate'
-    file.write_bytes(pickle.dumps((source.description, blocks)))
-    environment = {**os.environ, 'OPENBLAS_NUM_THREADS': '1'}
-    subprocess.run([sys.executable, '-c', OFFLINE, file], env=environment, check=True, timeout=60)
     return pickle.loads(file.read_bytes())
+
+
+@pytest.fixture(scope='session')
+def description(computed) -> StandDescription:
+    return computed[0]
+
+
+@pytest.fixture(scope='session')
+def blocks(computed) -> list[SampleBlock]:
+    return computed[1]
+
+
+@pytest.fixture(scope='session')
+def offline(computed) -> Estimate:
+    return computed[2]
 
 
 @pytest.fixture(scope='session')

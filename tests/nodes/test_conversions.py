@@ -127,13 +127,12 @@ def test_estimate_returns_to_the_last_bit(random):
         assert parameter.status is expected.status
 
 
-def test_description_returns_to_the_last_bit(source):
+def test_description_returns_to_the_last_bit(description):
     from identnl_ros.nodes.description_conversion import (
         description_from_message,
         description_to_message,
     )
 
-    description = source.description
     found = description_from_message(over_the_wire(description_to_message(description)))
     for sensor, expected in zip(found.layout.sensors, description.layout.sensors, strict=True):
         unsent = {'resolution', 'dropout_probability'}

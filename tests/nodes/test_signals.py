@@ -77,7 +77,7 @@ def test_bag_of_a_killed_recorder_is_readable(start, watcher, bridge_settings, t
 def test_vanished_consumer_does_not_hold_up_the_source(start, watcher, bridge_settings, tmp_path):
     start('recorder', path=tmp_path / 'kept.mcap')
     lost = start('recorder', path=tmp_path / 'lost.mcap', node_name='lost')
-    settings = {**bridge_settings, 'duration': 4.0, 'wait_for_consumers': 2}
+    settings = {**bridge_settings, 'duration': 10.0, 'wait_for_consumers': 2}
     watcher.listen('samples')
     bridge = start('sensor_bridge', **settings)
     watcher.until(lambda: watcher.blocks, 30)

@@ -33,8 +33,14 @@ class StreamFollower:
     the same result as the live stream. A source that restarts takes a new stream id; it is
     followed once the old one has ended or has been silent for `TAKEOVER_BLOCKS` of its blocks.
 
+    Parameters
+    ----------
+    replays : bool
+        A stream that has ended may come once more, from its beginning; else it is a repetition.
+
     """
 
+    replays: bool = False
     stream_id: int | None = None
     next_index: int = 0
     ended: bool = False
@@ -43,6 +49,7 @@ class StreamFollower:
     foreign_blocks: int = 0
     _foreign_id: int | None = None
     _foreign_run: int = 0
+    _began_at: int | None = None
 
     def accept(self, stream_id: int, first_index: int, next_index: int, last: bool) -> Arrival:
         """
@@ -66,9 +73,13 @@ class StreamFollower:
                 self.foreign_blocks += 1
                 return Arrival.FOREIGN
             self.stream_id = stream_id
+            self._began_at = first_index
             self.next_index, self.ended = next_index, last
             return Arrival.FIRST
         self._foreign_run = 0
+        if self.replays and self.ended and first_index == self._began_at:
+            self.next_index, self.ended = next_index, last
+            return Arrival.FIRST
         if self.ended or first_index < self.next_index:
             self.repeated_blocks += 1
             return Arrival.REPEATED

@@ -198,9 +198,10 @@ def multisine(
     band: tuple[float, float],
     period: float,
     generator: np.random.Generator,
+    odd: bool = False,
 ) -> Harmonics:
     """
-    Random-phase multisine: equal lines at all multiples of 1 / period in a band.
+    Random-phase multisine: equal lines at the multiples of 1 / period in a band.
 
     Parameters
     ----------
@@ -212,6 +213,8 @@ def multisine(
         After which it repeats [s].
     generator : numpy.random.Generator
         For the phases.
+    odd : bool
+        Odd multiples only: what the response shows at even ones is then even nonlinearity.
 
     Returns
     -------
@@ -226,14 +229,37 @@ def multisine(
     lines = np.arange(
         np.ceil(band[0] * period * (1 - 1e-12)), np.floor(band[1] * period * (1 + 1e-12)) + 1
     )
-    lines = lines[lines > 0]
+    lines = lines[(lines > 0) & ((lines % 2 == 1) | (not odd))]
     if lines.size == 0:
         raise DataError(
-            f'multisine: no multiple of {1 / period:g} Hz lies between {band[0]:g} and '
-            f'{band[1]:g} Hz; widen the band or lengthen the period'
+            f'multisine: no {"odd " if odd else ""}multiple of {1 / period:g} Hz lies between '
+            f'{band[0]:g} and {band[1]:g} Hz; widen the band or lengthen the period'
         )
+    return multisine_of(amplitude, lines / period, generator)
+
+
+def multisine_of(
+    amplitude: float, frequencies: NDArray[np.float64], generator: np.random.Generator
+) -> Harmonics:
+    """
+    Random-phase multisine of chosen lines.
+
+    Parameters
+    ----------
+    amplitude : float
+        The multisine has the root mean square of a sine of this amplitude [N].
+    frequencies : ndarray, shape (n_lines,)
+        [Hz].
+    generator : numpy.random.Generator
+        For the phases.
+
+    Returns
+    -------
+    Harmonics
+
+    """
     return Harmonics(
-        np.full(lines.size, amplitude / np.sqrt(lines.size)),
-        lines / period,
-        generator.uniform(0, 2 * np.pi, lines.size),
+        np.full(frequencies.size, amplitude / np.sqrt(frequencies.size)),
+        frequencies,
+        generator.uniform(0, 2 * np.pi, frequencies.size),
     )

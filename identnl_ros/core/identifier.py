@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The streaming identifier: motion blocks in, estimates out; nodes and offline use this one."""
 
-from dataclasses import dataclass
-
 from identnl_ros.core.blocks import MotionBlock
 from identnl_ros.core.combinations import determined_combinations
-from identnl_ros.core.continuity import StreamFollower
+from identnl_ros.core.continuity import Arrival, StreamFollower
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimate
+from identnl_ros.core.identifier_state import IdentifierState
 from identnl_ros.core.information import Information, Solution
 from identnl_ros.core.model import Model
 from identnl_ros.core.noise_bias import NoiseBias, NoiseCovariances, SlopeSums
@@ -22,54 +21,13 @@ from numpy.typing import NDArray
 BATCH = 2048
 # Instants whose residuals may have samples in common where a rate is derived.
 CORRELATED_INSTANTS = 32
+# A residual may exceed what noise explains by this factor, as rough as a stated noise is, and
+# anyway be this fraction of the forces, before the model is doubted.
+LARGEST_EXCESS = 1.5
+RESIDUAL_TOLERANCE = 1e-4
+ROWS_FOR_DOUBT = 200
 # An estimate whose bias from sensor noise exceeds this many standard errors is marked.
 NOISE_BIAS_LIMIT = 1.0
-
-
-@dataclass(frozen=True)
-class IdentifierState:
-    """
-    Everything an identifier has learned.
-
-    Parameters
-    ----------
-    information : Information
-        Of all complete batches.
-    scatter : Scatter
-        Of the residuals of all complete batches.
-    slopes : SlopeSums
-        What the effect of sensor noise needs of all complete batches.
-    noise : NoiseCovariances or None
-        Of the latest block; None before the first.
-    pending : ndarray, shape (n_pending, 4, n_coordinates)
-        Displacement, velocity, acceleration, force of instants not yet factored.
-    samples, rejected : int
-        Instants used and left out.
-    unknowns : tuple of str
-        Names of the unknown parameters.
-    derived : frozenset of str
-        Quantities that were differentiated rather than measured.
-    noise_estimated : bool
-        Some sensor's noise was estimated from its samples.
-    stream_id : int or None
-        Of the stream followed last.
-    next_index : int
-        First sample of it not seen yet.
-
-    """
-
-    information: Information
-    scatter: Scatter
-    slopes: SlopeSums
-    noise: NoiseCovariances | None
-    pending: NDArray[np.float64]
-    samples: int
-    rejected: int
-    unknowns: tuple[str, ...]
-    derived: frozenset[str]
-    noise_estimated: bool
-    stream_id: int | None
-    next_index: int
 
 
 class Identifier:
@@ -109,16 +67,17 @@ class Identifier:
         for i in known:
             if np.isnan(model.parameters[i].value):
                 raise DataError(f'{model.parameters[i].name}: known but without a value')
-        self.follower = StreamFollower()
         self.reset()
 
     def reset(self) -> None:
-        """Forget all data."""
+        """Forget all data, and which stream they came from."""
+        self.follower = StreamFollower()
         size = len(self._unknowns)
         self._information = Information.empty(size)
         self._scatter = Scatter.empty(size)
         self._slopes = self._noise_bias.empty()
         self._noise: NoiseCovariances | None = None
+        self._earlier_noise = np.zeros((size + 1, size + 1))
         self._noise_estimated = False
         self._pending = np.empty((0, 4, len(self._model.coordinates)))
         self._samples = 0
@@ -147,6 +106,7 @@ class Identifier:
             self._scatter,
             self._slopes,
             self._noise,
+            self._earlier_noise,
             self._pending,
             self._samples,
             self._rejected,
@@ -183,6 +143,7 @@ class Identifier:
         self._scatter = state.scatter
         self._slopes = state.slopes
         self._noise = state.noise
+        self._earlier_noise = state.earlier_noise
         self._derived = set(state.derived)
         self._noise_estimated = state.noise_estimated
         if self.follower.stream_id is None and state.stream_id is not None:
@@ -221,6 +182,8 @@ class Identifier:
         )
         if not arrival.usable:
             return False
+        if arrival is Arrival.FIRST and self._samples:
+            self._close_stream()
         motion = np.stack(
             (block.displacement, block.velocity, block.acceleration, block.force), axis=1
         )
@@ -239,9 +202,7 @@ class Identifier:
         self._noise = NoiseCovariances.of(block)
         self._pending = np.concatenate((self._pending, motion[valid]))
         while self._pending.shape[0] >= BATCH:
-            accumulated = self._accumulated(self._pending[:BATCH])
-            self._information, self._scatter, self._slopes = accumulated
-            self._pending = self._pending[BATCH:]
+            self._commit(BATCH)
         return True
 
     def estimate(self) -> Estimate:
@@ -258,7 +219,9 @@ class Identifier:
             return self._nothing_yet()
         solution = information.solve()
         covariance = self._scattering(information, solution, scatter)
-        bias, bounded = self._bias(solution, slopes)
+        noise = self._noise_moments(slopes)
+        bias, bounded = self._bias(solution, noise)
+        excess = self._excess(information, solution, solution.values - bias, noise)
         statistical = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         # The bias is known in size only as far as the noise is: it widens, it does not correct.
         # And no estimate is surer than the arithmetic behind it.
@@ -268,9 +231,7 @@ class Identifier:
         names = self._unknowns
         combinations = determined_combinations(solution.null_space, solution.free, names)
         parameters = tuple(
-            self._parameter(
-                i, solution, covariance, float(statistical[i]), float(bias[i]), bounded
-            )
+            self._parameter(i, solution, covariance, float(statistical[i]), float(bias[i]), excess)
             for i in range(len(names))
         )
         if not bounded:
@@ -286,8 +247,25 @@ class Identifier:
             else float('nan'),
             condition_number=solution.condition_number,
             combinations=tuple(combination.in_words for combination in combinations),
-            notes=self._notes(parameters),
+            notes=self._notes(parameters, excess),
         )
+
+    def _commit(self, count: int) -> None:
+        accumulated = self._accumulated(self._pending[:count])
+        self._information, self._scatter, self._slopes = accumulated
+        self._pending = self._pending[count:]
+
+    def _close_stream(self) -> None:
+        """Settle what is pending: the next stream has other sensors, perhaps."""
+        self._commit(len(self._pending))
+        self._earlier_noise = self._noise_moments(self._slopes)
+        self._slopes = self._noise_bias.empty()
+
+    def _noise_moments(self, slopes: SlopeSums) -> NDArray[np.float64]:
+        """Sum the effect of sensor noise in all streams; NaN where a noise is not known."""
+        if self._noise is None or not slopes.samples:
+            return self._earlier_noise
+        return self._earlier_noise + self._noise_bias.moments(slopes, self._noise)
 
     def _accumulated(self, motion: NDArray[np.float64]) -> tuple[Information, Scatter, SlopeSums]:
         """Add instants to what has been accumulated."""
@@ -311,12 +289,13 @@ class Identifier:
         variance = solution.residual_squares / (information.rows - information.size)  # (47)
         return variance * solution.inverse  # (45)
 
-    def _bias(self, solution: Solution, slopes: SlopeSums) -> tuple[NDArray[np.float64], bool]:
+    @staticmethod
+    def _bias(solution: Solution, noise: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
         """Bias from the noise in regressor and target; False: it has no bound."""
         unbounded = np.full_like(solution.values, np.nan), False
-        if self._noise is None or not self._noise.known:
+        gram, cross = noise[:-1, :-1], noise[:-1, -1]
+        if not np.isfinite(noise).all():
             return unbounded
-        gram, cross = self._noise_bias.moments(slopes, self._noise)
         attenuation = solution.inverse @ gram
         if np.max(np.abs(np.linalg.eigvals(attenuation)), initial=0.0) >= 0.5:
             return unbounded
@@ -325,6 +304,30 @@ class Identifier:
         )
         return solution.values - corrected, True
 
+    @staticmethod
+    def _excess(
+        information: Information,
+        solution: Solution,
+        values: NDArray[np.float64],
+        noise: NDArray[np.float64],
+    ) -> float:
+        """
+        Compare the residual with what the sensors' noise explains at the unbiased values.
+
+        1 where the residual is too small to matter, or the noise too large to tell.
+
+        """
+        weights = np.append(-values, 1.0)
+        expected = float(weights @ noise @ weights)
+        tolerated = RESIDUAL_TOLERANCE**2 * solution.target_squares
+        if (
+            information.rows < ROWS_FOR_DOUBT
+            or not np.isfinite(expected)
+            or solution.residual_squares <= tolerated
+        ):
+            return 1.0
+        return float(np.sqrt(solution.residual_squares / max(expected, tolerated)))
+
     def _parameter(
         self,
         index: int,
@@ -332,11 +335,12 @@ class Identifier:
         covariance: NDArray[np.float64],
         statistical: float,
         bias: float,
-        bounded: bool,
+        excess: float,
     ) -> ParameterEstimate:
         parameter = self._model.parameters[self._model.estimated[index]]
         head = (parameter.name, parameter.symbol, parameter.unit)
-        if solution.free[index]:
+        value = float(solution.values[index])
+        if solution.free[index] or not np.isfinite(value):
             return ParameterEstimate(
                 *head,
                 float('nan'),
@@ -344,27 +348,22 @@ class Identifier:
                 EstimateStatus.NOT_IDENTIFIABLE,
                 'these data do not determine it by itself',
             )
-        value = float(solution.values[index])
-        if not bounded:
-            return ParameterEstimate(
-                *head,
-                value,
-                float('nan'),
-                EstimateStatus.NOISE_LIMITED,
-                'sensor noise is as large as the information in these data'
-                if self._noise is not None and self._noise.known
-                else 'the noise of the sensors is not known',
-            )
         deviation = float(np.sqrt(covariance[index, index]))
-        if abs(bias) > NOISE_BIAS_LIMIT * statistical:
-            return ParameterEstimate(
-                *head,
-                value,
-                deviation,
-                EstimateStatus.NOISE_LIMITED,
-                f'sensor noise in the measured motion biases it by about {abs(bias / value):.1%}',
+        if excess > LARGEST_EXCESS:
+            status, note = EstimateStatus.MODEL_IN_DOUBT, 'its standard deviation does not hold'
+        elif not np.isfinite(bias):
+            deviation = float('nan')
+            status = EstimateStatus.NOISE_LIMITED
+            note = 'sensor noise is unknown, or as large as the information in these data'
+        elif abs(bias) > NOISE_BIAS_LIMIT * statistical and abs(bias) > solution.rounding[index]:
+            status = EstimateStatus.NOISE_LIMITED
+            note = (
+                'sensor noise in the measured motion biases it by about '
+                f'{abs(bias):.2g} {parameter.unit}'
             )
-        return ParameterEstimate(*head, value, deviation, EstimateStatus.OK)
+        else:
+            status, note = EstimateStatus.OK, ''
+        return ParameterEstimate(*head, value, deviation, status, note)
 
     def _nothing_yet(self) -> Estimate:
         size = len(self._unknowns)
@@ -390,8 +389,14 @@ class Identifier:
             float('nan'),
         )
 
-    def _notes(self, parameters: tuple[ParameterEstimate, ...]) -> tuple[str, ...]:
+    def _notes(self, parameters: tuple[ParameterEstimate, ...], excess: float) -> tuple[str, ...]:
         notes = []
+        if excess > LARGEST_EXCESS:
+            notes.append(
+                f'The residual is {excess:.3g} times what the stated sensor noise explains: the '
+                'model lacks something, or a gain, direction, delay, column or noise in the '
+                'layout is wrong. The standard deviations do not hold.'
+            )
         for name in sorted(self._derived):
             notes.append(
                 f'The {name} is not (fully) measured: it is derived from the displacement, '

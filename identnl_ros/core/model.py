@@ -233,7 +233,9 @@ class Model:
         slopes = np.zeros(len(self.lines))
         for term in self.terms:
             value = self.parameters[term.parameter].value * term.factor
-            slopes[term.line] += value * term.law.stiffness(deformation[term.line])
+            slope = term.law.stiffness(deformation[term.line])
+            # A power below one is infinitely steep at a point, where it has no stiffness to add.
+            slopes[term.line] += value * slope if np.isfinite(slope) else 0.0
         return (self.lines.T * slopes) @ self.lines
 
     def damping_matrix(self) -> NDArray[np.float64]:

@@ -24,7 +24,7 @@ class NoiseCovariances:
 
     Parameters
     ----------
-    displacement, velocity, acceleration, displacement_acceleration :
+    displacement, velocity, acceleration, force, displacement_acceleration :
         ndarray, shape (n_coordinates, n_coordinates). The last is the covariance of
         displacement (rows) with acceleration (columns): not zero where the acceleration is
         derived. Displacement and velocity, velocity and acceleration do not correlate, because
@@ -35,6 +35,7 @@ class NoiseCovariances:
     displacement: NDArray[np.float64]
     velocity: NDArray[np.float64]
     acceleration: NDArray[np.float64]
+    force: NDArray[np.float64]
     displacement_acceleration: NDArray[np.float64]
 
     @classmethod
@@ -55,20 +56,8 @@ class NoiseCovariances:
             block.displacement_covariance,
             block.velocity_covariance,
             block.acceleration_covariance,
+            block.force_covariance,
             block.displacement_acceleration_covariance,
-        )
-
-    @property
-    def known(self) -> bool:
-        """No entry is NaN."""
-        return all(
-            bool(np.isfinite(part).all())
-            for part in (
-                self.displacement,
-                self.velocity,
-                self.acceleration,
-                self.displacement_acceleration,
-            )
         )
 
 
@@ -173,11 +162,9 @@ class NoiseBias:
             sums.samples + len(displacement),
         )
 
-    def moments(
-        self, sums: SlopeSums, covariances: NoiseCovariances
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def moments(self, sums: SlopeSums, covariances: NoiseCovariances) -> NDArray[np.float64]:
         """
-        Evaluate what noise adds to ``Phi^T Phi`` and ``Phi^T Y``.
+        Evaluate what noise adds to ``[Phi, Y]^T [Phi, Y]``.
 
         Parameters
         ----------
@@ -186,10 +173,8 @@ class NoiseBias:
 
         Returns
         -------
-        gram : ndarray, shape (n_unknowns, n_unknowns)
-            E[N^T N].
-        cross : ndarray, shape (n_unknowns,)
-            E[N^T n].
+        ndarray, shape (n_unknowns + 1, n_unknowns + 1)
+            E[[N, n]^T [N, n]]; NaN where the noise is not known.
 
         """
         (elastic, viscous), (elastic_owner, viscous_owner) = self._lines, self._owners
@@ -207,4 +192,5 @@ class NoiseBias:
         shared = (elastic * (elastic @ covariances.displacement_acceleration)) @ self._inertia.T
         mixed = elastic_owner.T @ (sums.sums[:, np.newaxis] * shared)
         total += mixed + mixed.T
-        return total[:-1, :-1], total[:-1, -1]
+        total[-1, -1] += sums.samples * float(np.trace(covariances.force))
+        return np.asarray(total)

@@ -15,8 +15,10 @@ from identnl_ros.core.simulation import Simulation, steps_per_sample
 import numpy as np
 from numpy.typing import NDArray
 
-# Samples computed at once; independent of the blocks, so that these do not change a bit.
-CHUNK = 512
+# Samples computed at once, and integration steps for which forces are held in memory;
+# independent of the blocks, so that these do not change a bit.
+LARGEST_CHUNK = 512
+LARGEST_STEPS = 2**15
 MOTION_KINDS = (SensorKind.DISPLACEMENT, SensorKind.VELOCITY, SensorKind.ACCELERATION)
 
 
@@ -95,6 +97,7 @@ class SimulatedStand:
             np.zeros_like(rest),
             steps_per_sample(model, rest[np.newaxis], interval),
         )
+        self._chunk_size = max(1, min(LARGEST_CHUNK, LARGEST_STEPS // self._simulation.steps))
         self._delays = [_delay(sensor, sample_rate) for sensor in layout.sensors]
         self._rows = {
             kind: sensor_matrix(model, tuple(layout.sensors[i] for i in layout.of_kind(kind)))
@@ -136,7 +139,7 @@ class SimulatedStand:
         available = len(self._ready)
         while available < count:
             parts.append(self._chunk())
-            available += CHUNK
+            available += self._chunk_size
         samples = np.concatenate(parts)
         self._ready = samples[count:]
         first_index, self._next_index = self._next_index, self._next_index + count
@@ -154,10 +157,10 @@ class SimulatedStand:
         )
 
     def _chunk(self) -> NDArray[np.float64]:
-        """Take the next CHUNK samples in SI, as the declared layout understands them."""
+        """Take the next samples in SI, as the declared layout understands them."""
         fractions = tuple(sorted({0.0, *(delay.fraction for delay in self._delays)}))
-        motions = self._simulation.advance(CHUNK, fractions)
-        start = self._chunk_index * CHUNK / self._rate
+        motions = self._simulation.advance(self._chunk_size, fractions)
+        start = self._chunk_index * self._chunk_size / self._rate
         self._chunk_index += 1
         columns = {}
         for kind, motion in zip(MOTION_KINDS, motions, strict=True):
@@ -168,11 +171,11 @@ class SimulatedStand:
                 self._excitation_names.index(self._actual.sensors[channel].excitation)
             ]
             offset = self._delays[channel].fraction / self._rate
-            columns[channel] = signal.on_grid(start + offset, 1 / self._rate, CHUNK)
-        readings = np.empty((CHUNK, len(self._actual.sensors)))
+            columns[channel] = signal.on_grid(start + offset, 1 / self._rate, self._chunk_size)
+        readings = np.empty((self._chunk_size, len(self._actual.sensors)))
         for channel, delay in enumerate(self._delays):
             longer = np.concatenate((self._history[channel], columns[channel]))
-            readings[:, channel] = longer[:CHUNK]
+            readings[:, channel] = longer[: self._chunk_size]
             self._history[channel] = longer[len(longer) - delay.samples :]
         return self._imperfect(readings)
 

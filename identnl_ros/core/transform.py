@@ -75,10 +75,14 @@ class MotionTransform:
         # Samples around an instant that its derivatives need, and that alignment needs.
         self._margin = HALF_WIDTH if derived else 0
         self._reach = self._margin + max(aligner.reach for aligner in self._aligners)
+        self._correlations = {
+            orders: np.array([aligner.correlation(*orders) for aligner in self._aligners])
+            for orders in ((0, 0), (1, 1), (2, 2), (0, 2))
+        }
         self._stated_noise = np.array([sensor.noise for sensor in layout.sensors])
         self._noise_estimate = NoiseEstimate(len(layout.sensors))
         self._update_covariances()
-        self.follower = StreamFollower()
+        self.follower = StreamFollower(replays=True)
         self.counts = TransformCounts()
         self._buffer = np.empty((0, len(layout.sensors)))
         self._buffer_index = 0
@@ -177,7 +181,7 @@ class MotionTransform:
         )
 
         def variance(first: int, second: int) -> NDArray[np.float64]:
-            return noise**2 * [one.correlation(first, second) for one in self._aligners]
+            return np.asarray(noise**2 * self._correlations[first, second])
 
         rate = self._rate
         displacement = self._displacement

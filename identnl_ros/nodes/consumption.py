@@ -72,11 +72,6 @@ class Progress:
             if self._is_ready():
                 self._tell(stream_id)
 
-    def repeat(self) -> None:
-        """Tell all once more."""
-        for stream_id in self._told:
-            self._tell(stream_id)
-
     def close(self) -> None:
         """Be waited for no more."""
         self._node.destroy_publisher(self._publisher)

@@ -3,6 +3,7 @@
 """A stand's nodes as separate processes, and their estimates as they come."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 import os
 import random
 import signal
@@ -16,6 +17,8 @@ from identnl_ros.core.errors import DataError
 from identnl_ros.nodes import qos
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 import rclpy.utilities
 
 POLL_INTERVAL = 0.1  # [s]
@@ -51,10 +54,31 @@ class LiveRun:
         }
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._arrived: list[ParameterEstimateArray] = []
+        self._node: Node | None = None
+        self._executor: SingleThreadedExecutor | None = None
 
     def __enter__(self) -> 'LiveRun':
         """Start everything."""
-        rclpy.init(args=[])
+        try:
+            self._start()
+        except BaseException:
+            self._end()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End everything, sources first."""
+        self._end()
+
+    def _start(self) -> None:
+        # An interrupt is for the caller to handle: rclpy's own handlers would shut the context
+        # down under the executor.
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node('live_run', namespace=self._namespace)
         self._node.create_subscription(
             ParameterEstimateArray, 'estimates', self._arrived.append, qos.estimates()
@@ -72,27 +96,29 @@ class LiveRun:
                 start_new_session=True,
                 stdout=sys.stderr.fileno(),
             )  # fmt: skip
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """End everything, sources first."""
-        for name in reversed(self._processes):
-            self._processes[name].send_signal(signal.SIGINT)
-        deadline = time.monotonic() + LONGEST_END
-        for process in self._processes.values():
-            try:
-                process.wait(timeout=max(0.1, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.utilities.try_shutdown()
+    def _end(self) -> None:
+        try:
+            present = self._node.get_node_names() if self._node else []
+            for name in reversed(self._processes):
+                # One that still imports would answer an interrupt with a traceback, and has
+                # nothing to finish.
+                is_up = name in present
+                self._processes[name].send_signal(signal.SIGINT if is_up else signal.SIGKILL)
+            deadline = time.monotonic() + LONGEST_END
+            for process in self._processes.values():
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(timeout=max(0.1, deadline - time.monotonic()))
+        finally:
+            for process in self._processes.values():
+                if process.poll() is None:
+                    process.kill()
+                    process.wait()
+            if self._executor:
+                self._executor.shutdown()
+            if self._node:
+                self._node.destroy_node()
+            rclpy.utilities.try_shutdown()
 
     def estimates(self) -> Iterator[ParameterEstimateArray]:
         """
@@ -104,6 +130,7 @@ class LiveRun:
             If a process ends before its time or nothing comes for a minute.
 
         """
+        assert self._executor, 'to be used in a with statement'
         heard = time.monotonic()
         while True:
             self._executor.spin_once(timeout_sec=POLL_INTERVAL)

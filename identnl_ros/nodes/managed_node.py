@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all nodes have in common: lifecycle, parameters, diagnostics, an orderly end."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import wraps
 import traceback
 from typing import Any, ClassVar
@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from identnl_ros.core.errors import DataError, IdentnlError
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.diagnosis import Health, Level, to_array
-from identnl_ros.nodes.parameters import AUTOSTART, declare, Setting
+from identnl_ros.nodes.parameters import AUTOSTART, declare, Setting, unknown_overrides
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.subscription import Subscription
@@ -46,6 +46,11 @@ class ManagedNode(LifecycleNode):
         self._endings: list[Callable[[], object]] = []
         super().__init__(name, **options)
         declare(self, (AUTOSTART, *self.settings), lambda: self.is_configured)
+        # Those for another node of the process may come to this one too.
+        known = {setting.name for kind in _kinds(ManagedNode) for setting in kind.settings}
+        known |= set(self.list_parameters([], 0).result.names)
+        for sentence in unknown_overrides(self._parameter_overrides, known):
+            self.get_logger().warning(sentence)
         self._diagnostics = self.create_publisher(
             DiagnosticArray, '/diagnostics', qos.diagnostics()
         )
@@ -304,3 +309,10 @@ class ManagedNode(LifecycleNode):
             )
             response.success = False
             return response
+
+
+def _kinds(kind: type[ManagedNode]) -> Iterator[type[ManagedNode]]:
+    """Yield a class of nodes and all derived from it."""
+    yield kind
+    for derived in kind.__subclasses__():
+        yield from _kinds(derived)

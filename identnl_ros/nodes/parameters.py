@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Declaration of parameters: each with a description, a range and whether it may change."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -93,6 +94,34 @@ AUTOSTART = Setting(
     'false: wait for a lifecycle manager.',
     read_only=True,
 )
+
+
+def unknown_overrides(given: Iterable[str], known: Iterable[str]) -> list[str]:
+    """
+    Tell which parameters are given to a node in vain.
+
+    Parameters
+    ----------
+    given : iterable of str
+        Names from the command line and parameter files.
+    known : iterable of str
+        Names that some node of the process declares.
+
+    Returns
+    -------
+    list of str
+        A sentence for each.
+
+    """
+    names = sorted(known)
+    sentences = []
+    for name in sorted(set(given) - set(names)):
+        if name.startswith('qos_overrides.'):
+            continue  # declared with the topics
+        close = get_close_matches(name, names, 1)
+        hint = f'did you mean "{close[0]}"?' if close else f'known are {", ".join(names)}'
+        sentences.append(f'parameter "{name}" is unknown; {hint}')
+    return sentences
 
 
 def declare(

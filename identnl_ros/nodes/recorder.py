@@ -27,6 +27,7 @@ from identnl_ros.nodes.managed_node import ManagedNode
 from identnl_ros.nodes.parameters import Setting
 from identnl_ros.nodes.running import run
 from identnl_ros.storage.bag_writer import BagWriter
+from identnl_ros.storage.message_reading import block_position
 from rclpy.serialization import deserialize_message
 
 FLUSH_INTERVAL = 1.0  # [s] what a sudden death can cost
@@ -202,12 +203,10 @@ class Recorder(ManagedNode):
             self._progress.expect(stream_id)
 
     def _follow(self, data: bytes) -> None:
-        block = deserialize_message(data, SampleBlock)
-        samples = len(block.samples) // max(1, block.channel_count)
-        position = (block.stream_id, block.first_sample_index, block.first_sample_index + samples)
-        self._followed.accept(*position, block.last_block)
+        stream_id, first_index, next_index, last = block_position(data)
+        self._followed.accept(stream_id, first_index, next_index, last)
         if self._progress is not None:
-            self._progress.advance(block.stream_id, position[2], block.last_block)
+            self._progress.advance(stream_id, next_index, last)
 
     def _tend(self) -> None:
         if self._wanted:

@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import sys
+import time
 from typing import Any, ClassVar
 
 from identnl_msgs.msg import (
@@ -203,7 +204,8 @@ class SensorBridge(ManagedNode):
             self.wants_to_exit = True
 
     def _now(self) -> int:
-        return int(self.get_clock().now().nanoseconds)
+        # The acquisition clock: a simulated ROS time may stand still or begin at zero.
+        return time.time_ns()
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -26,7 +26,7 @@ from identnl_ros.storage.stand_description import StandDescription
 from mcap.writer import CompressionType, Writer
 
 LATCHED_DEPTH = 1
-DEPTH = 500  # a subscriber that stalls for seconds loses nothing
+DEPTH = 1000  # a subscriber that stalls for seconds loses nothing
 
 
 class BagWriter:

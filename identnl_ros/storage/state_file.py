@@ -13,7 +13,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import zipfile
 
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.identifier import IdentifierState
+from identnl_ros.core.identifier_state import IdentifierState
 import numpy as np
 from numpy.typing import NDArray
 
@@ -164,6 +164,7 @@ def _check(path: Path, state: IdentifierState) -> None:
         (state.scatter.reference, (size,)),
         (state.slopes.sums, (elastic,)),
         (state.slopes.products, (elastic, elastic)),
+        (state.earlier_noise, (size + 1, size + 1)),
         (state.pending, (len(state.pending), 4, motion)),
     ]
     if state.noise is not None:

@@ -3,7 +3,15 @@
 """Force signals against their definitions."""
 
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.excitation import Harmonics, Impulses, multisine, RecordedForce, sine, Sweep
+from identnl_ros.core.excitation import (
+    Harmonics,
+    Impulses,
+    multisine,
+    multisine_of,
+    RecordedForce,
+    sine,
+    Sweep,
+)
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -138,3 +146,19 @@ def test_recorded_force_is_zero_outside_its_record():
 def test_record_too_short_or_with_holes_is_refused(samples):
     with pytest.raises(DataError, match='at least four finite'):
         RecordedForce(samples, 10.0)
+
+
+def test_odd_multisine_leaves_the_even_multiples_silent():
+    signal = multisine(10.0, (5.0, 40.0), 1.0, np.random.default_rng(2), odd=True)
+    spectrum = np.abs(np.fft.rfft(signal.on_grid(0.0, 1e-3, 1000))) / 500
+    lines = np.arange(5, 41, 2)
+    np.testing.assert_allclose(spectrum[lines], 10 / np.sqrt(lines.size), rtol=1e-10)
+    np.testing.assert_allclose(np.delete(spectrum, lines), 0, atol=1e-10)
+
+
+def test_chosen_lines_are_those_of_the_multisine():
+    signal = multisine_of(3.0, np.array([7.0, 11.0, 13.0]), np.random.default_rng(3))
+    samples = signal.on_grid(0.0, 1e-3, 1000)
+    spectrum = np.abs(np.fft.rfft(samples)) / 500
+    assert set(np.flatnonzero(spectrum > 1e-9)) == {7, 11, 13}
+    assert np.sqrt(np.mean(samples**2)) == pytest.approx(3 / np.sqrt(2))

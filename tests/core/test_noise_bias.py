@@ -61,12 +61,12 @@ def rows_of(model, motion):
 
 
 def computed_and_found(model, layout, draws):
-    """Return E[[N, n]^T [N, n]] as core computes it (without E[n^2]) and as the draws have it."""
+    """Return E[[N, n]^T [N, n]] as core computes it and as the draws have it."""
     samples = clean_readings(model, layout)
     (clean,) = motion_of(model, layout, blocks_of(samples, RATE))
     bias = NoiseBias(model)
     sums = bias.with_motion(bias.empty(), clean.displacement)
-    gram, cross = bias.moments(sums, NoiseCovariances.of(clean))
+    moments = bias.moments(sums, NoiseCovariances.of(clean))
     rows = rows_of(model, clean)
     noise = np.array([sensor.noise for sensor in layout.sensors])
     found = np.zeros((rows.shape[1],) * 2)
@@ -75,11 +75,13 @@ def computed_and_found(model, layout, draws):
         (motion,) = motion_of(model, layout, blocks_of(noisy, RATE))
         errors = rows_of(model, motion) - rows
         found += errors.T @ errors / draws
-    return gram, cross, found
+    return moments, found
 
 
 def assert_moments_are_those_of_the_draws(model, layout, draws=40, tolerance=0.02):
-    gram, cross, found = computed_and_found(model, layout, draws)
+    moments, found = computed_and_found(model, layout, draws)
+    gram, cross = moments[:-1, :-1], moments[:-1, -1]
+    assert moments[-1, -1] == pytest.approx(found[-1, -1], rel=0.05)
     sizes = np.sqrt(np.diag(found))
     # A column without any noise, e.g. of a constant force, must be exactly that.
     noisy = sizes[:-1] > 0
@@ -190,9 +192,9 @@ def test_moments_by_hand_of_one_spring_and_mass():
     q = np.linspace(-2e-6, 3e-6, 40)[:, np.newaxis]
     bias = NoiseBias(model)
     sums = bias.with_motion(bias.empty(), q)
-    s0, s1, s2, r = 3e-18, 4e-12, 5e-6, -2e-12
-    covariances = NoiseCovariances(*(np.full((1, 1), value) for value in (s0, s1, s2, r)))
-    gram, cross = bias.moments(sums, covariances)
+    s0, s1, s2, sf, r = 3e-18, 4e-12, 5e-6, 7e-4, -2e-12
+    covariances = NoiseCovariances(*(np.full((1, 1), value) for value in (s0, s1, s2, sf, r)))
+    moments = bias.moments(sums, covariances)
     names = [model.parameters[i].name for i in model.estimated]
     assert names == ['block.mass', 'spring.stiffness', 'spring.cubic_stiffness']
     slope, square = 3 * np.sum(q**2), 9 * np.sum(q**4)
@@ -203,8 +205,9 @@ def test_moments_by_hand_of_one_spring_and_mass():
             [r * slope, s0 * slope, s0 * square],
         ]
     )
-    np.testing.assert_allclose(gram, expected, rtol=1e-12)
-    np.testing.assert_array_equal(cross, 0.0)
+    np.testing.assert_allclose(moments[:-1, :-1], expected, rtol=1e-12)
+    np.testing.assert_array_equal(moments[:-1, -1], 0.0)
+    assert moments[-1, -1] == pytest.approx(40 * (sf + 200.0**2 * s1))
 
 
 def test_noise_that_is_not_known_is_not_known():
@@ -213,10 +216,6 @@ def test_noise_that_is_not_known_is_not_known():
         model, line_layout(kinds=(D,), noise={FORCE: 0.0, D: np.nan}),
         blocks_of(np.zeros((30, 2))[:5], RATE),
     )  # fmt: skip
-    assert not NoiseCovariances.of(motion).known
-    one = np.ones((1, 1))
-    for place in range(4):
-        parts = [one] * 4
-        assert NoiseCovariances(*parts).known
-        parts[place] = np.nan * one
-        assert not NoiseCovariances(*parts).known
+    bias = NoiseBias(model)
+    sums = bias.with_motion(bias.empty(), motion.displacement)
+    assert np.isnan(bias.moments(sums, NoiseCovariances.of(motion))).any()

@@ -11,6 +11,14 @@ from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome
 if TYPE_CHECKING:
     from identnl_ros.sources.soundness import Findings
 
+UNITS = {
+    'rest': 'm, rad',
+    'natural_frequencies': 'Hz',
+    'displacement_standard_deviation': 'm, rad',
+    'sample_rate': 'Hz',
+    'duration': 's',
+}
+
 
 @click.command('check')
 @click.argument('paths', nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -24,8 +32,9 @@ def command(paths: tuple[Path, ...], machine: Path | None) -> Outcome:
     """
     Check machine files, layout files and bags.
 
-    YAML files are told apart by their content; everything else is taken for a bag. Exit code
-    1: something is not sound.
+    YAML files are told apart by their content; everything else is taken for a bag. A bag that
+    lacks less than 1 % of its samples is sound, with a remark. Exit code 1: something is not
+    sound.
     """
     findings = [_check(path, machine) for path in paths]
     sound = all(one.sound for one in findings)
@@ -37,6 +46,7 @@ def command(paths: tuple[Path, ...], machine: Path | None) -> Outcome:
                 'kind': one.kind,
                 'sound': one.sound,
                 'problems': one.problems,
+                'remarks': one.remarks,
                 **one.facts,
             }
             for one in findings
@@ -64,13 +74,22 @@ def _show(findings: 'list[Findings]') -> None:
         click.echo(f'{one.path}: {one.kind}, {"sound" if one.sound else "NOT sound"}')
         for problem in one.problems:
             click.echo(f'  problem: {problem}')
+        for remark in one.remarks:
+            click.echo(f'  remark: {remark}')
         for key, value in one.facts.items():
-            click.echo(f'  {key.replace("_", " ")}: {_short(value)}')
+            click.echo(f'  {_title(key)}: {_short(value)}')
+
+
+def _title(key: str) -> str:
+    return key.replace('_', ' ') + (f' [{UNITS[key]}]' if key in UNITS else '')
 
 
 def _short(value: object) -> str:
     if isinstance(value, dict):
-        return ', '.join(f'{name} {_short(one)}' for name, one in value.items())
+        return ', '.join(
+            f'{_title(name) if name in UNITS else name} {_short(one)}'
+            for name, one in value.items()
+        )
     if isinstance(value, list):
         if value and isinstance(value[0], dict) and 'name' in value[0]:
             return f'{len(value)}: ' + ', '.join(str(one['name']) for one in value)

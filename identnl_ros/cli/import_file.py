@@ -44,7 +44,7 @@ def command(table: Path, layout: Path, machine: Path | None, out: Path) -> Outco
             advance(read - done)
             done = read
 
-        samples = import_csv(
+        imported = import_csv(
             table,
             layout_file.layout,
             out,
@@ -52,12 +52,15 @@ def command(table: Path, layout: Path, machine: Path | None, out: Path) -> Outco
             machine_text=machine_text,
             progress=report,
         )
-    for sensor in layout_file.layout.sensors:
-        if sensor.noise != sensor.noise:
-            say(f'note: the layout does not state the noise of {sensor.name}')
+    silent = [one.name for one in layout_file.layout.sensors if one.noise != one.noise]
+    if silent:
+        say(f'note: the layout does not state the noise of {", ".join(silent)}')
+    if imported.lost_samples:
+        say(f'note: by the time column, {imported.lost_samples} samples are missing')
     document = {
         'bag': str(out),
-        'samples': samples,
+        'samples': imported.samples,
+        'lost_samples': imported.lost_samples,
         'channels': [sensor.name for sensor in layout_file.layout.sensors],
     }
-    return Outcome(document, lambda: click.echo(f'{out}: {samples} samples'))
+    return Outcome(document, lambda: click.echo(f'{out}: {imported.samples} samples'))

@@ -1,51 +1,59 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Entry point of `identnl`; every command is a module of its own, imported when it is called."""
+"""Entry point of `identnl`; what takes time to import comes after the signals are caught."""
 
-import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+import json
+import signal
 import sys
+import time
+from types import FrameType
 
-import click
-from identnl_ros import __version__
-
-# Command: its module, and the one line that the overview shows without importing it.
-COMMANDS = {
-    'simulate': ('simulate', 'Record a bag on the simulated stand.'),
-    'identify': ('identify', 'Identify the parameters of a machine from a bag.'),
-    'replay': ('replay', 'Publish the samples of a bag on ROS 2 topics.'),
-    'record': ('record', 'Record the topics of a stand in a bag.'),
-    'import': ('import_file', 'Turn a recorded table (CSV) into a bag.'),
-    'check': ('check', 'Tell whether machine files, layout files and bags are sound.'),
-    'demo': ('demo', 'Identify the simulated knee and column live, over DDS.'),
-}
+WRONG_USE = 2
+BY_SIGNAL = 128  # exit code of a shell's child that a signal has ended: this plus its number
+PATIENCE = 5.0  # [s] for which more signals do not disturb the clearing up after the first
 
 
-class _LazyGroup(click.Group):
-    """Imports a command's module only when the command is used."""
+class Interruption:
+    """The signals that ask to end, each as a KeyboardInterrupt."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+    def __init__(self) -> None:
+        self.number = 0
+        self._since = 0.0
 
-    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in COMMANDS:
-            return None
-        module = importlib.import_module(f'identnl_ros.cli.{COMMANDS[name][0]}')
-        command: click.Command = module.command
-        return command
+    @contextmanager
+    def caught(self) -> Iterator[None]:
+        """
+        Catch the signals.
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section('Commands'):
-            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+        Yields
+        ------
+        None
 
+        """
+        before = {
+            number: signal.getsignal(number)
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        }
+        # What is ignored, as after nohup, stays so.
+        before = {
+            number: handler for number, handler in before.items() if handler != signal.SIG_IGN
+        }
+        for number in before:
+            signal.signal(number, self._note)
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
-@click.group(cls=_LazyGroup, context_settings={'help_option_names': ['-h', '--help']})
-@click.version_option(__version__, prog_name='identnl')
-def cli() -> None:
-    """
-    Identify the nonlinear joints of vibrating machine tools.
-
-    Exit code 0: done; 1: done, and the verdict is negative; 2: wrong use or unusable input.
-    """
+    def _note(self, number: int, _frame: FrameType | None) -> None:
+        now = time.monotonic()
+        if self.number and now - self._since < PATIENCE:
+            return
+        self.number, self._since = number, now
+        raise KeyboardInterrupt
 
 
 def main() -> None:
@@ -54,7 +62,49 @@ def main() -> None:
     arguments = sys.argv[1:]
     if '--ros-args' in arguments:
         arguments = arguments[: arguments.index('--ros-args')]
-    cli(args=arguments, prog_name='identnl')
+    interruption = Interruption()
+    try:
+        with interruption.caught():
+            exit_code = _run(arguments)
+    except SystemExit:
+        raise
+    except BaseException as error:
+        # Compiled code may turn the interrupt into an error of its own.
+        if not (interruption.number or _is_interrupt(error)):
+            raise
+        print('interrupted', file=sys.stderr)
+        _show_error('interrupted', arguments)
+        exit_code = BY_SIGNAL + (interruption.number or signal.SIGINT)
+    sys.exit(exit_code)
+
+
+def _run(arguments: list[str]) -> int:
+    import click
+    from identnl_ros.cli.commands import cli
+
+    try:
+        # A whole number: --help and the like.
+        result = cli.main(arguments, 'identnl', standalone_mode=False)
+        return result if isinstance(result, int) else 0
+    except click.Abort:
+        raise KeyboardInterrupt from None
+    except click.ClickException as error:
+        error.show()
+        _show_error(error.format_message(), arguments)
+        return WRONG_USE
+
+
+def _show_error(message: str, arguments: list[str]) -> None:
+    if '--json' in arguments:
+        print(json.dumps({'error': message}, indent=2), flush=True)
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 if __name__ == '__main__':

@@ -67,8 +67,6 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
             # The reader has seen enough; keep the interpreter from complaining at exit.
             sys.stdout = None
             sys.exit(DONE)
-        except KeyboardInterrupt:
-            _fail('interrupted', as_json, 130)
         except (IdentnlError, OSError) as error:
             _fail(str(error), as_json, WRONG_USE)
         except MemoryError:

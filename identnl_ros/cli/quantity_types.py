@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 
-class _Noise(click.ParamType[float]):
+class _Noise(click.ParamType):  # type: ignore[type-arg]
     """none, nominal or a factor."""
 
     name = 'none|nominal|FACTOR'
@@ -24,7 +24,7 @@ class _Noise(click.ParamType[float]):
             self.fail(f'expected none, nominal or a factor, found "{value}"', param, ctx)
 
 
-class _Quantity(click.ParamType[float]):
+class _Quantity(click.ParamType):  # type: ignore[type-arg]
     """A number in SI, or with a unit."""
 
     def __init__(self, unit: str, example: str) -> None:

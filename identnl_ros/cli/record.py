@@ -5,8 +5,12 @@
 from pathlib import Path
 
 import click
-from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome
+from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome, say
 from identnl_ros.cli.ros import require_ros
+from identnl_ros.core.errors import DataError
+
+STAND_TOPICS = ('samples', 'stand_description', 'estimates')
+OWN_TOPICS = {'/diagnostics'}
 
 
 @click.command('record')
@@ -26,12 +30,19 @@ from identnl_ros.cli.ros import require_ros
 )
 @reporting
 def command(out: Path, namespace: str, topics: tuple[str, ...]) -> Outcome:
-    """Record until interrupted (Ctrl-C); the bag is then complete."""
+    """
+    Record until interrupted (Ctrl-C); the bag is then complete.
+
+    Exit code 1: nothing was published.
+    """
     require_ros()
     from identnl_ros.nodes.recorder import Recorder
     from identnl_ros.nodes.running import run
 
-    arguments = ['--ros-args', '-r', f'__ns:={"/" + namespace.strip("/")}', '-p', f'path:={out}']
+    _check_is_new(out)
+    namespace = '/' + namespace.strip('/')
+    asked = set(topics)
+    arguments = ['--ros-args', '-r', f'__ns:={namespace}', '-p', f'path:={out}']
     if topics:
         arguments += ['-p', f'topics:=[{",".join(topics)}]']
     recorders: list[Recorder] = []
@@ -43,10 +54,23 @@ def command(out: Path, namespace: str, topics: tuple[str, ...]) -> Outcome:
     exit_code = run(make_nodes, arguments)
     messages = recorders[0].messages if recorders else {}
     document = {'bag': str(out), 'messages': messages}
+    # The recorder itself publishes diagnostics.
+    silent = not any(count for topic, count in messages.items() if topic not in OWN_TOPICS - asked)
+    if silent and exit_code == 0:
+        where = ', '.join(topics or [f'{namespace.rstrip("/")}/{topic}' for topic in STAND_TOPICS])
+        say(f'nothing was published on {where}')
     return Outcome(
         document,
         lambda: click.echo(
             f'{out}: ' + ', '.join(f'{count} of {topic}' for topic, count in messages.items())
         ),
-        DONE if exit_code == 0 else NEGATIVE,
+        DONE if exit_code == 0 and not silent else NEGATIVE,
     )
+
+
+def _check_is_new(path: Path) -> None:
+    """Complain here rather than in the node's log."""
+    if path.exists():
+        raise DataError(f'{path} exists and is never overwritten; choose another path')
+    if not path.parent.is_dir():
+        raise DataError(f'{path}: there is no folder {path.parent}; make it first')

@@ -10,7 +10,7 @@ from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome
 from identnl_ros.cli.ros import require_ros
 
 
-class _Speed(click.ParamType[float]):
+class _Speed(click.ParamType):  # type: ignore[type-arg]
     """A factor on real time, or max."""
 
     name = 'FACTOR|max'

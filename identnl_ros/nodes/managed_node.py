@@ -48,7 +48,7 @@ class ManagedNode(LifecycleNode):
         declare(self, (AUTOSTART, *self.settings), lambda: self.is_configured)
         # Those for another node of the process may come to this one too.
         known = {setting.name for kind in _kinds(ManagedNode) for setting in kind.settings}
-        known |= set(self.list_parameters([], 0).result.names)
+        known |= set(self.list_parameters([], 0).names)
         for sentence in unknown_overrides(self._parameter_overrides, known):
             self.get_logger().warning(sentence)
         self._diagnostics = self.create_publisher(

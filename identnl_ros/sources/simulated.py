@@ -3,8 +3,9 @@
 """The simulated stand as a source of samples."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
+import hashlib
 
 from identnl_ros.core.assembly import assemble
 from identnl_ros.core.blocks import SampleBlock, samples_per_block
@@ -124,7 +125,7 @@ class SimulatedSource:
     machine_text, layout_text : str
         Files that machine and layout come from, for the stream's description.
     stream_id : int or None
-        None: derived from the seed, so that a seed gives the same bytes again.
+        None: derived from machine, layout and run: the same for the same samples only.
     stamp_ns : int
         Time stamp of the first sample [ns].
 
@@ -145,9 +146,9 @@ class SimulatedSource:
         stream_id: int | None = None,
         stamp_ns: int = 0,
     ) -> None:
-        phase_seed, stream_seed, stand_seed = np.random.SeedSequence(run.seed).spawn(3)
+        phase_seed, _, stand_seed = np.random.SeedSequence(run.seed).spawn(3)
         if stream_id is None:
-            stream_id = int(stream_seed.generate_state(1, np.uint64)[0])
+            stream_id = _stream_id(machine, run, machine_text, layout_text)
         self._run = run
         self._model = assemble(machine)
         layout = layout.with_noise_times(run.noise)
@@ -191,6 +192,29 @@ class SimulatedSource:
             yield self._stand.read(count, last=first + count == self._run.samples)
 
 
+def _stream_id(machine: Machine, run: TestRun, machine_text: str, layout_text: str) -> int:
+    """Derive a number from everything that the samples depend on."""
+    digest = hashlib.sha256()
+    parts = [machine.name, machine_text, layout_text]
+    for one in fields(run):
+        value = getattr(run, one.name)
+        parts.append(f'{one.name}={"" if isinstance(value, np.ndarray) else value}')
+    if run.recorded_force is not None:
+        parts.append(run.recorded_force.tobytes().hex())
+    for part in parts:
+        encoded = part.encode()
+        digest.update(len(encoded).to_bytes(8, 'little') + encoded)
+    return int.from_bytes(digest.digest()[:8], 'little')
+
+
+def _check_below_half(frequency: float, run: TestRun, what: str) -> None:
+    if frequency >= run.sample_rate / 2:
+        raise DataError(
+            f'simulation: {what} reaches {frequency:g} Hz, expected less than half the sample '
+            f'rate, {run.sample_rate / 2:g} Hz; lower it or sample faster'
+        )
+
+
 def _signals(
     points: tuple[ExcitationPoint, ...], run: TestRun, generator: np.random.Generator
 ) -> tuple[Signal, ...]:
@@ -205,10 +229,13 @@ def _signals(
             continue
         match run.excitation:
             case Excitation.SINE:
+                _check_below_half(frequency, run, 'frequency')
                 signals.append(sine(amplitude, frequency))
             case Excitation.MULTISINE:
+                _check_below_half(band[1], run, 'band')
                 signals.append(multisine(amplitude, band, run.period, generator))
             case Excitation.SWEEP:
+                _check_below_half(band[1], run, 'band')
                 signals.append(Sweep(amplitude, band, SWEEP_DURATION))
             case Excitation.IMPULSE:
                 # Half a period of the highest frequency asked for.

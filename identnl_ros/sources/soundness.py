@@ -21,6 +21,8 @@ from identnl_ros.storage.machine_file import load_machine, read_machine
 import numpy as np
 from numpy.typing import NDArray
 
+HARMLESS_SHARE = 0.01  # samples without reading, of all
+
 
 @dataclass
 class Findings:
@@ -36,6 +38,8 @@ class Findings:
         What the file holds, ready for JSON.
     problems : list of str
         In sentences; empty: sound.
+    remarks : list of str
+        What is not as it should be, but too little to matter.
 
     """
 
@@ -43,6 +47,7 @@ class Findings:
     kind: str
     facts: dict[str, Any] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     @property
     def sound(self) -> bool:
@@ -115,6 +120,7 @@ def check_layout(path: Path, machine_path: Path | None) -> Findings:
     try:
         layout = load_layout(path).layout
         findings.facts = _layout_facts(layout)
+        findings.problems.extend(_shared_columns(layout))
         if machine_path is not None:
             machine = load_machine(machine_path).machine
             findings.facts |= _fit(machine, layout, layout.sample_rate or 1.0)
@@ -153,10 +159,12 @@ def check_bag(path: Path, machine_path: Path | None) -> Findings:
             }
             findings.facts['streams'].append(facts)
             if lost:
-                findings.problems.append(f'{lost} samples are missing between the blocks')
-            for sensor, count in zip(stream.layout.sensors, missing, strict=True):
+                _lacking(findings, lost, samples + lost).append(
+                    f'{lost} of {samples + lost} samples are missing between the blocks'
+                )
+            for sensor, count in zip(stream.layout.sensors, missing, strict=False):
                 if count:
-                    findings.problems.append(
+                    _lacking(findings, int(count), samples).append(
                         f'{sensor.name}: {count} of {samples} samples have no valid reading'
                     )
             machine = None
@@ -172,6 +180,11 @@ def check_bag(path: Path, machine_path: Path | None) -> Findings:
     return findings
 
 
+def _lacking(findings: Findings, count: int, total: int) -> list[str]:
+    """Where to say that some of all samples are not there."""
+    return findings.problems if count >= HARMLESS_SHARE * total else findings.remarks
+
+
 def _count(blocks: Iterator[SampleBlock]) -> tuple[int, int, NDArray[np.int64]]:
     """Count samples, samples missing between blocks, samples without reading by channel."""
     samples = lost = next_index = 0
@@ -185,6 +198,17 @@ def _count(blocks: Iterator[SampleBlock]) -> tuple[int, int, NDArray[np.int64]]:
         samples += block.samples.shape[0]
         missing += (~np.isfinite(block.samples)).sum(axis=0)
     return samples, lost, missing
+
+
+def _shared_columns(layout: Layout) -> list[str]:
+    readers: dict[str, list[str]] = {}
+    for sensor in layout.sensors:
+        readers.setdefault(sensor.column, []).append(sensor.name)
+    return [
+        f'sensors {" and ".join(names)} read the same column {column!r}; correct the key column'
+        for column, names in readers.items()
+        if len(names) > 1
+    ]
 
 
 def _layout_facts(layout: Layout) -> dict[str, Any]:

@@ -5,6 +5,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
 from io import BufferedReader, StringIO, TextIOWrapper
+from itertools import islice
 from operator import itemgetter
 from pathlib import Path
 import stat
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 
 HEAD_SIZE = 2**20  # [bytes] in which the first row must end
 MOST_NAMES_SHOWN = 40
+MOST_DIGITS = 17
+TAIL_SIZE = 2**14  # [bytes]
 
 Progress = Callable[[int, int], None]
 
@@ -140,6 +143,42 @@ class CsvTable:
                 yield first, np.array(values)
             if progress:
                 progress(size, size)
+
+    def digits(self, column: int, count: int) -> tuple[int, int]:
+        """
+        Tell how exactly the numbers of a column are printed.
+
+        Parameters
+        ----------
+        column : int
+            Index from 0.
+        count : int
+            Rows to look at; besides them the end of the file, where numbers are longer.
+
+        Returns
+        -------
+        decimals : int
+            Most places after the point; negative: so many zeros before it.
+        significant : int
+            Most significant digits.
+
+        """
+        decimals, significant = -MOST_DIGITS, 1
+        with self.path.open('rb') as binary, _as_text(binary) as text:
+            lines = list(islice(text, self._first_line - 1, self._first_line - 1 + count))
+        with self.path.open('rb') as binary:
+            binary.seek(max(0, self.path.stat().st_size - TAIL_SIZE))
+            lines += binary.read().decode('utf-8', 'replace').splitlines()[1:]
+        for line in lines:
+            cells = self._cells(line)
+            if column >= len(cells):
+                continue
+            mantissa, _, exponent = cells[column].strip().lower().partition('e')
+            before, _, after = mantissa.lstrip('+-').partition('.')
+            if (before + after).isdecimal() and (exponent or '0').lstrip('+-').isdecimal():
+                decimals = max(decimals, len(after) - int(exponent or 0))
+                significant = max(significant, len((before + after).lstrip('0')))
+        return decimals, significant
 
     def _find_head(self) -> None:
         """Find the separator, the names and the first line of numbers."""

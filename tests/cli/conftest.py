@@ -29,7 +29,7 @@ def bags():
 @pytest.fixture
 def identnl():
     """Call the command line in this process; what no command expects is raised."""
-    from identnl_ros.cli.main import cli
+    from identnl_ros.cli.commands import cli
 
     def call(*arguments: object) -> Result:
         result = CliRunner().invoke(cli, [str(one) for one in arguments], prog_name='identnl')

@@ -57,3 +57,55 @@ def test_unsound_machine_is_told_in_words(identnl, tmp_path, content, words):
     assert result.exit_code == 1
     assert 'NOT sound' in result.stdout
     assert words in result.stdout
+
+
+@pytest.mark.parametrize(('holes', 'sound'), [(1, True), (99, True), (100, False)])
+def test_bag_with_few_missing_readings_is_sound_with_a_remark(
+    identnl, config, tmp_path, holes, sound
+):
+    rows = ['1,2'] * (10_000 - holes) + ['1,'] * holes
+    (tmp_path / 'a.csv').write_text('V1,V2\n' + '\n'.join(rows), 'utf-8')
+    bag, layout = tmp_path / 'a.mcap', config / 'oscillator_layout.yaml'
+    identnl('import', tmp_path / 'a.csv', '--layout', layout, '--out', bag)
+    result = identnl('check', bag, '--json')
+    (found,) = json.loads(result.stdout)['files']
+    assert found['sound'] is sound
+    assert result.exit_code == (0 if sound else 1)
+    (sentence,) = found['remarks' if sound else 'problems']
+    assert f'{holes} of 10000 samples have no valid reading' in sentence
+    assert ('remark: ' if sound else 'problem: ') + sentence in identnl('check', bag).stdout
+
+
+def test_gap_of_a_bag_is_told_with_its_share(identnl, config, tmp_path):
+    kept = [*range(2000), *range(2010, 4000)]
+    layout = tmp_path / 'layout.yaml'
+    text = (config / 'oscillator_layout.yaml').read_text('utf-8')
+    layout.write_text(text.replace('sample_rate: 610.3515625 Hz', 'sample_rate: 1 kHz'), 'utf-8')
+    rows = [f'{i / 1000},1,2' for i in kept]
+    (tmp_path / 'a.csv').write_text('t,V1,V2\n' + '\n'.join(rows), 'utf-8')
+    made = identnl('import', tmp_path / 'a.csv', '--layout', layout, '--out', tmp_path / 'b')
+    assert '10 samples are missing' in made.stderr
+    (found,) = json.loads(identnl('check', tmp_path / 'b', '--json').stdout)['files']
+    assert found['sound']
+    assert found['remarks'] == ['10 of 4000 samples are missing between the blocks']
+
+
+def test_sensors_that_share_a_column_are_told(identnl, config, tmp_path):
+    layout = tmp_path / 'layout.yaml'
+    text = (config / 'oscillator_layout.yaml').read_text('utf-8')
+    layout.write_text(text.replace('column: V2', 'column: V1'), 'utf-8')
+    result = identnl('check', layout)
+    assert result.exit_code == 1
+    assert "read the same column 'V1'" in result.stdout
+
+
+def test_numbers_for_people_have_units(identnl, config):
+    result = identnl(
+        'check', config / 'oscillator.yaml', config / 'oscillator_layout.yaml',
+        '--machine', config / 'oscillator.yaml',
+    )  # fmt: skip
+    for words in (
+        'rest [m, rad]: ', 'natural frequencies [Hz]: ',
+        'displacement standard deviation [m, rad]: ',
+    ):  # fmt: skip
+        assert words in result.stdout

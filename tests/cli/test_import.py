@@ -64,6 +64,14 @@ def test_bag_without_a_machine_asks_for_one(identnl, table, config, tmp_path):
     assert '--machine' in result.stderr
 
 
+def test_sensors_without_stated_noise_are_told_in_one_line(identnl, table, config, tmp_path):
+    layout = config / 'oscillator_layout.yaml'
+    result = identnl('import', table[0], '--layout', layout, '--out', tmp_path / 'a.mcap')
+    lines = [line for line in result.stderr.splitlines() if 'does not state the noise' in line]
+    assert len(lines) == 1
+    assert lines[0].count(', ') == 1
+
+
 @pytest.mark.skipif(not SILVERBOX.exists(), reason=f'no measured record at {SILVERBOX}')
 def test_measured_oscillator_hardens(document, config, tmp_path):
     bag = tmp_path / 'silverbox.mcap'

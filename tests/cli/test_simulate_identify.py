@@ -117,3 +117,45 @@ def test_people_see_the_papers_units(process, bags):
     row = next(line for line in result.stdout.splitlines() if 'slideway_8 a_n' in line)
     assert row.split()[3:5] == ['340', '340']
     assert '3.4e+15' in row
+
+
+def test_stream_id_tells_machines_layouts_and_runs_apart(document, config, tmp_path):
+    layout = tmp_path / 'layout.yaml'
+    text = (config / 'knee_column_layout.yaml').read_text('utf-8')
+    layout.write_text(text + '# moved\n', 'utf-8')
+    machine = ('--machine', config / 'knee_column.yaml')
+    runs = [
+        machine,
+        machine,
+        ('--machine', config / 'three_body.yaml'),
+        (*machine, '--layout', layout),
+        (*machine, '--amplitude', '200'),
+        (*machine, '--noise', '0.5'),
+        (*machine, '--seed', '1'),
+    ]
+    ids = []
+    for i, options in enumerate(runs):
+        bag = tmp_path / f'{i}.mcap'
+        document('simulate', *options, '--duration', '0.05', '--out', bag)
+        (found,) = document('check', bag)['files']
+        ids.append(found['streams'][0]['stream_id'])
+    assert ids[0] == ids[1]
+    assert len(set(ids)) == len(ids) - 1
+
+
+@pytest.mark.parametrize(
+    'options',
+    [
+        ('--excitation', 'sine', '--frequency', '500'),
+        ('--excitation', 'multisine', '--band', '10', '500'),
+        ('--excitation', 'sweep', '--band', '10', '600'),
+    ],
+)
+def test_force_beyond_half_the_sample_rate_is_refused(identnl, config, tmp_path, options):
+    result = identnl(
+        'simulate', '--machine', config / 'knee_column.yaml', *options, '--rate', '1000',
+        '--duration', '0.1', '--out', tmp_path / 'x.mcap',
+    )  # fmt: skip
+    assert result.exit_code == 2
+    assert 'expected less than half the sample rate, 500 Hz' in result.stderr
+    assert not list(tmp_path.iterdir())

@@ -4,6 +4,7 @@
 """Whatever else is on the topics, the nodes name it and live."""
 
 from dataclasses import replace
+import time
 
 from geometry_msgs.msg import PointStamped
 from identnl_msgs.msg import (
@@ -31,6 +32,9 @@ def publish(watcher):
             )
             latched.publish(description_to_message(describe))
             watcher.until(lambda: latched.get_subscription_count())
+            # Topics have no order among each other: let the description arrive first.
+            arrived = time.monotonic() + 0.5
+            watcher.until(lambda: time.monotonic() > arrived)
         watcher.until(lambda: publisher.get_subscription_count())
         for block in blocks:
             publisher.publish(block)
@@ -92,7 +96,7 @@ def test_second_publisher_is_named_and_not_used(
 ):
     start('identifier')
     start('transform')
-    start('sensor_bridge', **{**bridge_settings, 'speed': 0.4})
+    start('sensor_bridge', **{**bridge_settings, 'speed': 0.12})
     watcher.until(lambda: watcher.estimates, 30)
     other = replace(description, stream_id=5)
     publish(messages(replace(block, stream_id=5) for block in blocks[:10]), describe=other)

@@ -6,10 +6,10 @@ from dataclasses import replace
 import resource
 
 from identnl_ros.core.blocks import ChannelStatus
-from identnl_ros.core.errors import DataError
+from identnl_ros.core.errors import DataError, LayoutError
 from identnl_ros.core.layout import Layout, Sensor, SensorKind
 from identnl_ros.storage.bag_reader import open_bag
-from identnl_ros.storage.csv_import import import_csv, read_csv
+from identnl_ros.storage.csv_import import import_csv, Imported, read_csv
 import numpy as np
 import pytest
 
@@ -26,7 +26,7 @@ def read(tmp_path, text, layout=LAYOUT, **options):
     path = tmp_path / 'a.csv'
     path.write_bytes(text if isinstance(text, bytes) else text.encode(**options))
     rate, pieces = read_csv(path, layout)
-    return rate, np.vstack(list(pieces))
+    return rate, np.vstack([samples for _, samples in pieces])
 
 
 def si(rows):
@@ -110,9 +110,9 @@ def test_jump_of_time_is_refused_wherever_it_is(tmp_path, at):
 
 def test_jump_between_two_pieces_is_refused(tmp_path):
     times = np.arange(200_000) / 100_000
-    times[100_000:] += 1e-5
+    times[100_000:] += 5e-6
     text = 'time,F,x 1\n' + ''.join(f'{t:.9f},1,2\n' for t in times)
-    assert 'near line 100002 it steps by 2e-05 s' in error_of(tmp_path, text, TIMED)
+    assert 'near line 100002 it steps by 1.5e-05 s' in error_of(tmp_path, text, TIMED)
 
 
 def test_time_that_stands_still_is_refused(tmp_path):
@@ -172,7 +172,7 @@ def test_bag_holds_the_samples_their_state_and_the_texts(tmp_path):
     lines[110] = 'inf,1'
     (tmp_path / 'a.csv').write_text('F,x 1\n' + '\n'.join(lines))
     seen = []
-    count = import_csv(
+    imported = import_csv(
         tmp_path / 'a.csv',
         LAYOUT,
         tmp_path / 'bag',
@@ -182,7 +182,7 @@ def test_bag_holds_the_samples_their_state_and_the_texts(tmp_path):
         start_ns=10**9,
         progress=lambda done, size: seen.append((done, size)),
     )
-    assert count == 130
+    assert imported == Imported(130, 0)
     bag = open_bag(tmp_path / 'bag')
     stream = bag.description
     assert (stream.stand, stream.stream_id, stream.sample_rate) == ('mill', 5, 1000)
@@ -204,6 +204,69 @@ def test_bag_holds_the_samples_their_state_and_the_texts(tmp_path):
     assert seen[-1] == (size, size)
 
 
+def timed_text(times, form='.6f'):
+    return 'time,F,x 1\n' + ''.join(f'{t:{form}},1,{i}\n' for i, t in enumerate(times))
+
+
+@pytest.mark.parametrize('form', ['.3f', '.4f', '.9f', '.6g', '.18e', '.2f'])
+def test_time_column_that_agrees_with_the_layout_is_accepted(tmp_path, form):
+    rate, samples = read(tmp_path, timed_text(np.arange(3000) / 1000, form))
+    assert rate == 1000
+    assert len(samples) == 3000
+
+
+@pytest.mark.parametrize('form', ['.3f', '.9f', '.6g', '.2f'])
+@pytest.mark.parametrize('true_rate', [500.0, 990.0, 2000.0])
+def test_time_column_that_contradicts_the_layout_is_refused(tmp_path, form, true_rate):
+    message = error_of(tmp_path, timed_text(np.arange(3000) / true_rate, form))
+    assert 'the layout states a sample_rate of 1000 Hz' in message
+    found = float(message.split("column 'time' it is ")[1].split(' Hz')[0])
+    assert found == pytest.approx(true_rate, rel=2e-2)
+
+
+@pytest.mark.parametrize('layout', [LAYOUT, TIMED])
+def test_rows_missing_by_the_time_column_are_a_gap(tmp_path, layout):
+    kept = np.delete(np.arange(300), [*range(1, 6), 49, *range(120, 131)])
+    (tmp_path / 'a.csv').write_text(timed_text(kept / 1000))
+    imported = import_csv(tmp_path / 'a.csv', layout, tmp_path / 'a.mcap')
+    assert imported == Imported(283, 17)
+    blocks = list(open_bag(tmp_path / 'a.mcap').blocks())
+    indices = np.concatenate([np.arange(b.first_index, b.next_index) for b in blocks])
+    assert indices.tolist() == kept.tolist()
+    assert [block.last for block in blocks] == [False] * (len(blocks) - 1) + [True]
+    assert blocks[1].stamp_ns == 6_000_000
+
+
+@pytest.mark.parametrize('layout', [LAYOUT, TIMED])
+def test_time_that_is_not_uniform_names_the_worst_line(tmp_path, layout):
+    times = np.arange(2000) / 1000
+    times[300:] += 2e-5
+    times[700:] += 4.2e-4
+    message = error_of(tmp_path, timed_text(times), layout)
+    assert 'near line 702 it steps by 0.00142 s, expected 0.001 s' in message
+
+
+def test_times_of_day_do_not_matter_where_the_layout_states_the_rate(tmp_path):
+    rate, _ = read(tmp_path, 'time,F,x 1\n12:00:01,1,2\n12:00:01,1,2\n')
+    assert rate == 1000
+
+
+def test_two_sensors_of_one_column_are_refused(tmp_path):
+    layout = replace(LAYOUT, sensors=(SENSORS[0], replace(SENSORS[1], column='1')))
+    (tmp_path / 'a.csv').write_text('F,x 1\n1,2\n')
+    with pytest.raises(LayoutError, match='sensors force and probe read the same column'):
+        read_csv(tmp_path / 'a.csv', layout)
+
+
+@pytest.mark.parametrize('reading', ['1e120', '-1e300', 'inf', '-inf'])
+def test_reading_beyond_all_measure_is_saturated(tmp_path, reading):
+    (tmp_path / 'a.csv').write_text(f'F,x 1\n1,2\n1,{reading}\n')
+    import_csv(tmp_path / 'a.csv', LAYOUT, tmp_path / 'a.mcap')
+    (block,) = open_bag(tmp_path / 'a.mcap').blocks()
+    assert block.channel_status.tolist() == [0, ChannelStatus.SATURATED]
+    assert np.isnan(block.samples[1, 1])
+
+
 def test_same_stream_id_gives_the_same_bag_and_none_a_new_one(tmp_path):
     (tmp_path / 'a.csv').write_text('F,x 1\n1,2\n')
     for name, stream_id in (('a', 5), ('b', 5), ('c', None), ('d', None)):
@@ -219,6 +282,7 @@ def test_long_file_is_read_with_bounded_memory(tmp_path):
         for _ in range(300):
             stream.write('0.12345678901234567,0.12345678901234567\n' * 1000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    assert import_csv(tmp_path / 'a.csv', LAYOUT, tmp_path / 'a.mcap') == 300_000
+    imported = import_csv(tmp_path / 'a.csv', LAYOUT, tmp_path / 'a.mcap')
+    assert imported.samples == 300_000
     growth = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert growth * 1024 < (tmp_path / 'a.csv').stat().st_size / 2

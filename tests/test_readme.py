@@ -37,3 +37,8 @@ def test_links_in_the_documents_lead_somewhere():
     for path in (ROOT / 'README.md', *(ROOT / 'docs').glob('*.md'), ROOT / 'bags/README.md'):
         for target in re.findall(r'\]\(([^)#:]+)\)', path.read_text('utf-8')):
             assert (path.parent / target).exists(), f'{path.name}: {target}'
+
+
+def test_no_placeholder_is_left_in_the_documents():
+    for path in (ROOT / 'README.md', *(ROOT / 'docs').glob('*.md'), ROOT / 'bags/README.md'):
+        assert not re.search(r'^[A-Z]+_[A-Z]+$', path.read_text('utf-8'), re.MULTILINE)

@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finite-difference and interpolation weights on equally spaced samples."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 
+@cache
 def stencil(derivative: int, offset: float, half_width: int) -> NDArray[np.float64]:
     """
     Weights of the samples around an instant that give a derivative there.
@@ -25,7 +28,7 @@ def stencil(derivative: int, offset: float, half_width: int) -> NDArray[np.float
     Returns
     -------
     ndarray, shape (2 * half_width + 1,)
-        Per sample interval to the power of the derivative; earliest sample first.
+        Per sample interval to the power of the derivative; earliest sample first; read-only.
 
     """
     nodes = np.arange(-half_width, half_width + 1, dtype=np.float64) - offset
@@ -47,4 +50,6 @@ def stencil(derivative: int, offset: float, half_width: int) -> NDArray[np.float
             weights[k, j] = previous_product / product * (k * lower - nodes[j - 1] * latest[k])
         previous_product = product
     result: NDArray[np.float64] = weights[derivative]
-    return result.copy()
+    result = result.copy()
+    result.flags.writeable = False  # shared by all who ask for it
+    return result

@@ -96,6 +96,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{package_name}/config/nodes', sorted(glob('config/nodes/*.yaml'))),
         (f'share/{package_name}/launch', sorted(glob('launch/*_launch.py'))),
     ],
     python_requires='>=3.11',

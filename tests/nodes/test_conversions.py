@@ -128,10 +128,8 @@ def test_estimate_returns_to_the_last_bit(random):
 
 
 def test_description_returns_to_the_last_bit(description):
-    from identnl_ros.nodes.description_conversion import (
-        description_from_message,
-        description_to_message,
-    )
+    from identnl_ros.nodes.description_conversion import description_to_message
+    from identnl_ros.storage.message_reading import description_from_message
 
     found = description_from_message(over_the_wire(description_to_message(description)))
     for sensor, expected in zip(found.layout.sensors, description.layout.sensors, strict=True):

@@ -35,6 +35,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MACHINE = ROOT / 'config' / 'knee_column.yaml'
 LAYOUT = ROOT / 'config' / 'knee_column_layout.yaml'
 NAMESPACE = '/bench'
+SETTLING_TIME = 0.3  # [s]
 RUN = {'duration': 1.0, 'sample_rate': 5000.0, 'seed': 3, 'excitation': 'multisine'}
 
 
@@ -156,6 +157,10 @@ class Watcher:
         client = self.node.create_client(kind, service)
         try:
             self.until(client.service_is_ready)
+            # Ready means that requests arrive; the server may still have to find the reader of
+            # its answers, and drops the answer until then.
+            found = time.monotonic() + SETTLING_TIME
+            self.until(lambda: time.monotonic() > found)
             future = client.call_async(kind.Request(**fields))
             self.until(future.done)
             return future.result()

@@ -7,6 +7,10 @@ Equations of motion of a machine, assembled from its description.
 of Berczynski et al. (2010), with q along and about each body's principal central axes. A line is
 a direction in the space of q along which scalar elements act; the rows of B_kappa, (10), are
 lines, and so are the rays of a pressure-integrated contact.
+
+Preloads and exponents that are to be estimated are parameters too, inside laws and factors: the
+equations are not linear in these inner parameters. A number that is tied to another one is no
+parameter: what it stands for is a multiple of the other.
 """
 
 from dataclasses import dataclass, replace
@@ -36,6 +40,8 @@ class Parameter:
         NaN when only the identification can tell.
     estimated : bool
         Unknown of the identification.
+    inner : bool
+        A preload or an exponent: forces are not proportional to it.
 
     """
 
@@ -44,6 +50,49 @@ class Parameter:
     unit: str
     value: float
     estimated: bool
+    inner: bool = False
+
+
+@dataclass(frozen=True)
+class Tied:
+    """
+    A number that follows a parameter: ``number = times * value of parameter``.
+
+    Parameters
+    ----------
+    name, symbol, unit : str
+        As in `Parameter`.
+    parameter : int
+        Index into `Model.parameters`.
+    times : float
+
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    parameter: int
+    times: float
+
+
+@dataclass(frozen=True)
+class InnerLink:
+    """
+    Number of a law that follows an inner parameter: ``number = times * value of parameter``.
+
+    Parameters
+    ----------
+    key : str
+        ``preload`` or ``exponent``.
+    parameter : int
+        Index into `Model.parameters`.
+    times : float
+
+    """
+
+    key: str
+    parameter: int
+    times: float
 
 
 @dataclass(frozen=True)
@@ -59,6 +108,10 @@ class Term:
     factor : float
     parameter : int
         Index into `Model.parameters`.
+    inner : tuple of InnerLink
+        Parameters that law and factor follow.
+    factor_slope : float
+        Derivative of `factor` by the exponent of the law.
 
     """
 
@@ -66,6 +119,8 @@ class Term:
     law: Law
     factor: float
     parameter: int
+    inner: tuple[InnerLink, ...] = ()
+    factor_slope: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -94,9 +149,11 @@ class Model:
     Parameters
     ----------
     machine : Machine
+        As described: its values remain those of the description.
     coordinates : tuple of Coordinate
     parameters : tuple of Parameter
-        All coefficients, known and estimated, in the order of the machine file.
+        All coefficients, known and estimated, in the order of the machine file; of preloads and
+        exponents the estimated ones only.
     lines : ndarray, shape (n_lines, n_coordinates)
         Deformation along each line = ``lines @ q`` [m] or [rad].
     line_joints : tuple of str
@@ -110,6 +167,8 @@ class Model:
         Weights and constant forces.
     excitation_directions : ndarray, shape (n_excitations, n_coordinates)
         Generalised force per newton of each exciter.
+    tied : tuple of Tied
+        Numbers that follow one of the parameters.
 
     """
 
@@ -123,6 +182,7 @@ class Model:
     mass_vectors: tuple[tuple[int, NDArray[np.float64]], ...]
     loads: tuple[Load, ...]
     excitation_directions: NDArray[np.float64]
+    tied: tuple[Tied, ...] = ()
 
     @property
     def estimated(self) -> tuple[int, ...]:
@@ -141,7 +201,7 @@ class Model:
 
     def with_values(self, values: NDArray[np.float64]) -> 'Model':
         """
-        Copy with other parameter values.
+        Copy with other parameter values; laws, forces at rest and tied numbers follow.
 
         Parameters
         ----------
@@ -152,14 +212,56 @@ class Model:
         -------
         Model
 
+        Raises
+        ------
+        MachineError
+            If a preload is negative or an exponent not positive.
+
         """
+        inner = [parameter.inner for parameter in self.parameters]
+        model = self
+        if not np.array_equal(self.values[inner], np.asarray(values)[inner], equal_nan=True):
+            # Assembly makes models: it cannot be imported before them.
+            from identnl_ros.core.assembly import assemble
+
+            model = assemble(
+                self.machine,
+                {
+                    parameter.name: float(value)
+                    for parameter, value in zip(self.parameters, values, strict=True)
+                    if parameter.inner
+                },
+            )
         return replace(
-            self,
+            model,
             parameters=tuple(
                 replace(parameter, value=float(value))
-                for parameter, value in zip(self.parameters, values, strict=True)
+                for parameter, value in zip(model.parameters, values, strict=True)
             ),
         )
+
+    def with_unknowns(self, unknown_values: NDArray[np.float64]) -> 'Model':
+        """
+        Copy with other values of the unknowns.
+
+        Parameters
+        ----------
+        unknown_values : ndarray, shape (n_unknowns,)
+            In the order of `estimated`, SI.
+
+        Returns
+        -------
+        Model
+
+        Raises
+        ------
+        MachineError
+            If a preload is negative or an exponent not positive.
+
+        """
+        values = self.values
+        values[list(self.estimated)] = unknown_values
+        return self.with_values(values)
 
     def mass_diagonal(self) -> NDArray[np.float64]:
         """
@@ -265,9 +367,10 @@ class Model:
         """
         for parameter in self.parameters:
             if np.isnan(parameter.value):
+                example = '1' if parameter.unit == '1' else f'1 {parameter.unit}'
                 raise MachineError(
                     f'{parameter.name}: no value to simulate with; give the machine file one, '
-                    f'e.g. "{{estimate: 1 {parameter.unit}}}"'
+                    f'e.g. "{{estimate: {example}}}"'
                 )
 
     def motion_of_point(

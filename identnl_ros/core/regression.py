@@ -7,8 +7,10 @@ Every instant gives one row per coordinate. Known parts of the equations of moti
 unknown ones in Phi; all are linear in the unknown coefficients x.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
+from identnl_ros.core.errors import DataError
+from identnl_ros.core.force_derivatives import ForceDerivatives
 from identnl_ros.core.model import Model
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +25,35 @@ class PointwiseRegression:
     ----------
     model : Model
 
+    Raises
+    ------
+    DataError
+        If a preload or an exponent is unknown: the equations are not linear in these.
+
     """
 
     model: Model
+    _known: Model = field(init=False, repr=False)
+    _derivatives: ForceDerivatives = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Refuse what is not linear; separate what is known."""
+        model = self.model
+        for parameter in (model.parameters[i] for i in model.estimated):
+            if parameter.inner:
+                raise DataError(
+                    f'{parameter.name}: the pointwise estimator cannot find it, because forces '
+                    'are not proportional to it; use the weak or the likelihood estimator, or '
+                    'give it as known'
+                )
+        known = replace(
+            model,
+            terms=tuple(term for term in model.terms if self._is_known(term.parameter)),
+            mass_vectors=tuple(one for one in model.mass_vectors if self._is_known(one[0])),
+            loads=tuple(load for load in model.loads if self._is_known(load.parameter)),
+        )
+        object.__setattr__(self, '_known', known)
+        object.__setattr__(self, '_derivatives', ForceDerivatives(model))
 
     @property
     def size(self) -> int:
@@ -55,35 +83,11 @@ class PointwiseRegression:
             Y of (41) [N, N m].
 
         """
-        model = self.model
-        n_samples, n_coordinates = displacement.shape
-        column = {parameter: i for i, parameter in enumerate(model.estimated)}
-        deformation = displacement @ model.lines.T
-        rate = velocity @ model.lines.T
-        known = np.zeros_like(deformation)
-        unknown: dict[int, dict[int, NDArray[np.float64]]] = {}
-        for term in model.terms:
-            line = term.line
-            force_on_line = term.factor * term.law.force(deformation[:, line], rate[:, line])
-            if term.parameter not in column:
-                known[:, line] += model.parameters[term.parameter].value * force_on_line
-                continue
-            lines = unknown.setdefault(column[term.parameter], {})
-            lines[line] = lines[line] + force_on_line if line in lines else force_on_line
-        target = force - model.rotary_inertia * acceleration - known @ model.lines
-        regressor = np.zeros((n_samples, n_coordinates, self.size))
-        for index, lines in unknown.items():
-            regressor[:, :, index] = (
-                np.column_stack(list(lines.values())) @ model.lines[list(lines)]
-            )
-        for parameter, diagonal in model.mass_vectors:
-            if parameter in column:
-                regressor[:, :, column[parameter]] += diagonal * acceleration
-            else:
-                target -= model.parameters[parameter].value * diagonal * acceleration
-        for load in model.loads:
-            if load.parameter in column:
-                regressor[:, :, column[load.parameter]] -= load.vector
-            else:
-                target += model.parameters[load.parameter].value * load.vector
+        known = self._known
+        target = force - known.mass_diagonal() * acceleration + known.constant_load()
+        target -= known.joint_force(displacement, velocity)
+        regressor = self._derivatives.of_motion(displacement, velocity, acceleration)
         return regressor.reshape(-1, self.size), target.reshape(-1)
+
+    def _is_known(self, parameter: int) -> bool:
+        return not self.model.parameters[parameter].estimated

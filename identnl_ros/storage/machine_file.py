@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The machine file: bodies, joints, constant forces and excitations of a machine as YAML."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -11,6 +11,7 @@ from identnl_ros.core.joints import (
     Coefficient,
     frame_about,
     GROUND,
+    Joint,
     Slideway,
     SpringDamper,
 )
@@ -21,6 +22,7 @@ from identnl_ros.core.machine import (
     ExcitationPoint,
     Machine,
 )
+from identnl_ros.core.ties import declared_numbers, roots_of, with_inner_ties
 from identnl_ros.storage.quantities import (
     coefficients,
     Direction,
@@ -33,6 +35,7 @@ from identnl_ros.storage.quantities import (
     Vector,
 )
 from identnl_ros.storage.yaml_reading import (
+    Document,
     KeyProblem,
     KIND,
     located,
@@ -103,6 +106,8 @@ Force = Annotated[float, PlainValidator(_FORCE.number)]
 Mass = Annotated[Coefficient, PlainValidator(_MASS.coefficient)]
 Stiffness = Annotated[Coefficient, PlainValidator(_STIFFNESS.coefficient)]
 Damping = Annotated[Coefficient, PlainValidator(_DAMPING.coefficient)]
+Preload = Annotated[Coefficient, PlainValidator(LENGTH.coefficient_with_start)]
+Exponent = Annotated[Coefficient, PlainValidator(_EXPONENT.coefficient_with_start)]
 Inertia = Annotated[Vector, PlainValidator(_INERTIA.matrix)]
 
 
@@ -179,6 +184,13 @@ class _Screw(StrictModel):
         )
 
 
+@dataclass(frozen=True)
+class _Unread:
+    """A contact stiffness whose unit follows from the exponent of another joint."""
+
+    found: object
+
+
 class _Slideway(StrictModel):
     kind: Literal['slideway']
     body: Name
@@ -189,9 +201,9 @@ class _Slideway(StrictModel):
     length: Length
     width: Length
     law: Literal['decoupled', 'coupled'] = 'decoupled'
-    exponent: Annotated[float, PlainValidator(_EXPONENT.number)] = 2.0
-    preload: Length = 0.0
-    normal_stiffness: Coefficient
+    exponent: Exponent = Coefficient(2.0)
+    preload: Preload = Coefficient(0.0)
+    normal_stiffness: Coefficient | _Unread
     tangential_stiffness: Stiffness
     normal_hysteretic_damping: Stiffness | None = None
     tangential_hysteretic_damping: Stiffness | None = None
@@ -202,12 +214,9 @@ class _Slideway(StrictModel):
 
     @field_validator('normal_stiffness', mode='plain')
     @classmethod
-    def _read_normal_stiffness(cls, value: object, info: ValidationInfo) -> Coefficient:
-        exponent = info.data.get('exponent', 2.0)
-        power = '' if exponent == 1 else f'^{exponent:.12g}'
-        return Quantity(
-            f'N/m{power}', f'a contact stiffness such as "380 daN/um{power}"'
-        ).coefficient(value)
+    def _read_normal_stiffness(cls, value: object, info: ValidationInfo) -> Coefficient | _Unread:
+        exponent: Coefficient = info.data.get('exponent', Coefficient(2.0))
+        return _Unread(value) if exponent.tie else _contact_stiffness(value, exponent.value)
 
     @model_validator(mode='after')
     def _check_damping(self) -> Self:
@@ -243,7 +252,9 @@ class _Slideway(StrictModel):
             longitudinal=self.longitudinal,
             length=self.length,
             width=self.width,
-            normal_stiffness=self.normal_stiffness,
+            normal_stiffness=Coefficient()
+            if isinstance(self.normal_stiffness, _Unread)
+            else self.normal_stiffness,
             tangential_stiffness=self.tangential_stiffness,
             normal_damping=normal_damping,
             tangential_damping=tangential_damping,
@@ -393,7 +404,32 @@ def read_machine(text: str, where: str) -> Machine:
     document = parse(text, where, MachineError)
     model = document.validated(_Machine)
     with located(document, _SECTIONS):
-        return model.build()
+        machine = with_inner_ties(model.build())
+    machine = replace(
+        machine, joints=tuple(_with_stiffness(joint, model, document) for joint in machine.joints)
+    )
+    with located(document, _SECTIONS):
+        roots_of(declared_numbers(machine))
+    return machine
+
+
+def _with_stiffness(joint: Joint, model: _Machine, document: Document) -> Joint:
+    """Read what could not be read before the joint's exponent was known."""
+    stiffness = getattr(model.joints[joint.name], 'normal_stiffness', None)
+    if not (isinstance(joint, Slideway) and isinstance(stiffness, _Unread)):
+        return joint
+    try:
+        read = _contact_stiffness(stiffness.found, joint.exponent.value)
+    except ValueError as error:
+        path = ('joints', joint.name, 'normal_stiffness')
+        raise document.problem(path, str(error)) from None
+    return replace(joint, normal_stiffness=read)
+
+
+def _contact_stiffness(value: object, exponent: float) -> Coefficient:
+    power = '' if exponent == 1 else f'^{exponent:.12g}'
+    quantity = Quantity(f'N/m{power}', f'a contact stiffness such as "380 daN/um{power}"')
+    return quantity.coefficient(value)
 
 
 def _axes(axis_1: Vector | None, axis_2: Vector | None) -> Vector:

@@ -7,6 +7,7 @@ A bare number is SI, a text such as ``380 daN/um^2`` is converted and its dimens
 Where the identification may find a number out, it is a coefficient: ``900 kg`` or
 ``{known: 900 kg}`` is known, ``{estimate: 900 kg}`` is to be estimated and has a nominal value
 for the simulated stand, ``estimate`` is to be estimated and has none.
+``{same_as: slideway_6.normal_stiffness, times: 1.2}`` follows another coefficient.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +17,7 @@ import math
 import re
 from typing import Annotated, TYPE_CHECKING, TypeVar
 
-from identnl_ros.core.joints import Coefficient
+from identnl_ros.core.coefficients import Coefficient, Tie
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import PlainValidator
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 ESTIMATE = 'estimate'
 KNOWN = 'known'
+SAME_AS = 'same_as'
+TIMES = 'times'
 
 _NUMBER_AND_UNIT = re.compile(r'([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)', re.ASCII)
 # The unit parser computes powers of numbers: only powers of units, and small ones, reach it.
@@ -33,6 +36,7 @@ _UNIT_FACTOR = re.compile(r'%|[^\W\d]\w*(?:\s*(?:\^|\*\*)\s*-?\d{1,2}(?:\.\d{1,1
 _UNIT_JOINTS = re.compile(r'[\s()*/·]*')
 _LONGEST_UNIT = 80
 _DIRECTION = re.compile(r'([+-]?)([xyz])')
+_PARAMETER = re.compile(r'[^\W\d][\w-]*\.\w+')
 
 
 Item = TypeVar('Item')
@@ -80,16 +84,17 @@ class Quantity:
 
         """
         coefficient = self.coefficient(value)
-        if coefficient.estimated:
+        if coefficient.estimated or coefficient.tie is not None:
+            prevented = 'estimated' if coefficient.estimated else 'tied to another one'
             raise ValueError(
                 f'found {shown(value)}, but this number must be known and cannot be '
-                f'estimated; expected {self.expected}'
+                f'{prevented}; expected {self.expected}'
             )
         return coefficient.value
 
     def coefficient(self, value: object) -> Coefficient:
         """
-        Read a number that is known or to be estimated.
+        Read a number that is known, to be estimated, or tied to another one.
 
         Parameters
         ----------
@@ -104,20 +109,50 @@ class Quantity:
         Raises
         ------
         ValueError
-            If it is neither.
+            If it is none of these.
 
         """
         if value == ESTIMATE:
             return Coefficient(estimated=True)
         if isinstance(value, dict):
+            if SAME_AS in value and value.keys() <= {SAME_AS, TIMES}:
+                return Coefficient(tie=_tie(value))
             if len(value) != 1 or not value.keys() <= {ESTIMATE, KNOWN}:
                 raise ValueError(
                     f'found {{{", ".join(value)}}}, expected {self.expected}, '
-                    f'or that behind one of {{{KNOWN}: ...}} and {{{ESTIMATE}: ...}}'
+                    f'or that behind one of {{{KNOWN}: ...}} and {{{ESTIMATE}: ...}}, '
+                    f'or {{{SAME_AS}: another parameter, {TIMES}: factor}}'
                 )
             ((key, inner),) = value.items()
             return Coefficient(self._si(inner), estimated=key == ESTIMATE)
         return Coefficient(self._si(value))
+
+    def coefficient_with_start(self, value: object) -> Coefficient:
+        """
+        Read a coefficient that needs a start value where it is to be estimated.
+
+        Parameters
+        ----------
+        value : object
+            As found in the file.
+
+        Returns
+        -------
+        Coefficient
+            [`unit`].
+
+        Raises
+        ------
+        ValueError
+            If it is no coefficient, or to be estimated without a value.
+
+        """
+        if value == ESTIMATE:
+            raise ValueError(
+                f'found {shown(value)}, but the search for this number needs a start; '
+                f'expected {{{ESTIMATE}: start}} with {self.expected}'
+            )
+        return self.coefficient(value)
 
     def vector(self, value: object) -> NDArray[np.float64]:
         """
@@ -358,6 +393,22 @@ def shown(value: object) -> str:
     if not text:
         return 'nothing'
     return f'"{text}"' if len(text) <= 60 else f'"{text[:57]}..."'
+
+
+def _tie(value: dict[str, object]) -> Tie:
+    other, times = value[SAME_AS], value.get(TIMES, '1')
+    if not (isinstance(other, str) and _PARAMETER.fullmatch(other)):
+        raise ValueError(
+            f'{SAME_AS}: found {shown(other)}, expected the name of a parameter such as '
+            '"slideway_6.normal_stiffness"'
+        )
+    try:
+        factor = Quantity('', 'a positive number such as 1.2').number(times)
+    except ValueError as error:
+        raise ValueError(f'{TIMES}: {error}') from None
+    if factor <= 0:
+        raise ValueError(f'{TIMES}: found {shown(times)}, expected a positive number such as 1.2')
+    return Tie(other, factor)
 
 
 def _list_of(value: object, length: int, expected: str) -> list[object]:

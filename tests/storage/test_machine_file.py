@@ -5,8 +5,8 @@
 import math
 from pathlib import Path
 
+from identnl_ros.core.coefficients import Coefficient, Tie
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.joints import Coefficient
 from identnl_ros.storage import layout_file, machine_file
 from identnl_ros.storage.layout_file import default_layout_path
 from identnl_ros.storage.machine_file import load_machine, read_machine
@@ -136,8 +136,9 @@ def test_reference_machine_has_the_slideways_of_the_paper(
     np.testing.assert_allclose(slideway.normal, normal, atol=1e-15)
     np.testing.assert_array_equal(slideway.longitudinal, [0, 0, 1])
     assert (slideway.length, slideway.width) == (0.4, 0.06)
-    assert slideway.preload == pytest.approx(preload, rel=1e-14)
-    assert (slideway.exponent, slideway.coupled, slideway.damping_frequency) == (2, False, 40)
+    assert slideway.preload == Coefficient(pytest.approx(preload, rel=1e-14))
+    assert slideway.exponent == Coefficient(2.0)
+    assert (slideway.coupled, slideway.damping_frequency) == (False, 40)
     assert parameters == tuple(
         coefficient.value
         for coefficient in (
@@ -191,7 +192,7 @@ def test_three_body_machine_has_unknowns_of_every_sort():
     assert _part(machine.joints, 'flange').stiffness[5] == Coefficient(1.1e8, True)
     assert _part(machine.joints, 'screw').damping == (Coefficient(9e3, True),)
     vee = _part(machine.joints, 'vee_left')
-    assert (vee.coupled, vee.exponent, vee.damping_frequency) == (True, 1.8, None)
+    assert (vee.coupled, vee.exponent, vee.damping_frequency) == (True, Coefficient(1.8), None)
     assert vee.normal_damping == Coefficient(4e4, True)
     np.testing.assert_array_equal(
         _part(machine.joints, 'flange').axes, [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
@@ -220,6 +221,61 @@ def test_unit_of_normal_stiffness_follows_from_the_exponent():
     text = text.replace('normal_stiffness: estimate', 'normal_stiffness: 2 N/um^1.5')
 
     assert _part(read_machine(text, 'text').joints, 'guide').normal_stiffness.value == 2e9
+
+
+SECOND_GUIDE = """\
+  other:
+    kind: slideway
+    body: block
+    to: ground
+    point: [0.1, 0, 0]
+    normal: -z
+    longitudinal: +x
+    length: 0.4
+    width: 60 mm
+    exponent: {same_as: guide.exponent, times: 0.75}
+    preload: {same_as: guide.preload}
+    normal_stiffness: 2 N/um^1.5
+    tangential_stiffness: {same_as: guide.tangential_stiffness, times: 1.2}
+    normal_damping: 0
+    tangential_damping: 0
+excitations:
+"""
+
+
+def test_preload_and_exponent_may_be_estimated():
+    text = MINIMAL.replace('exponent: 2', 'exponent: {estimate: 1.5}')
+    text = text.replace('preload: 1 um', 'preload: {estimate: 0.6 um}')
+    text = text.replace('stiffness: estimate', 'stiffness: {estimate: 2 N/um^1.5}')
+    guide = _part(read_machine(text, 'text').joints, 'guide')
+
+    assert guide.exponent == Coefficient(1.5, estimated=True)
+    assert guide.preload == Coefficient(6e-7, estimated=True)
+    assert guide.normal_stiffness == Coefficient(2e9, estimated=True)
+
+
+def test_every_number_may_follow_another_one():
+    text = MINIMAL.replace('excitations:\n', SECOND_GUIDE)
+    text = text.replace('[1e6]', '[1e6, {same_as: spring.stiffness_1, times: 3}]')
+    machine = read_machine(text, 'text')
+    other = _part(machine.joints, 'other')
+
+    assert other.exponent == Coefficient(1.5, tie=Tie('guide.exponent', 0.75))
+    assert other.preload == Coefficient(1e-6, tie=Tie('guide.preload'))
+    assert other.tangential_stiffness.tie == Tie('guide.tangential_stiffness', 1.2)
+    assert _part(machine.joints, 'spring').stiffness[1].tie == Tie('spring.stiffness_1', 3.0)
+
+
+def test_unit_of_a_contact_stiffness_follows_from_a_tied_exponent():
+    text = MINIMAL.replace('excitations:\n', SECOND_GUIDE)
+
+    assert _part(read_machine(text, 'text').joints, 'other').normal_stiffness.value == 2e9
+    with pytest.raises(MachineError) as caught:
+        read_machine(text.replace('2 N/um^1.5', '2 N/um^2'), 'bad.yaml')
+    assert str(caught.value) == (
+        'bad.yaml:40: joints.other.normal_stiffness: found "2 N/um^2", expected a contact '
+        'stiffness such as "380 daN/um^1.5"'
+    )
 
 
 @pytest.mark.parametrize('number', ['2', '2.0', '2e0', '+2.', '0.2E1', '"2"', '2 # comment'])
@@ -271,8 +327,33 @@ BAD = [
     ('normal: -z', 'normal: -w', 19, 'joints.guide.normal: found "-w"'),
     ('normal: -z', 'normal: +x', 14, 'must be perpendicular'),
     ('length: 0.4', 'length: 0', 14, 'length is 0.0'),
-    ('exponent: 2', 'exponent: estimate', 23, 'must be known'),
-    ('preload: 1 um', 'preload: {estimate: 1 um}', 24, 'must be known'),
+    ('exponent: 2', 'exponent: estimate', 23, 'needs a start; expected {estimate: start} with a'),
+    ('preload: 1 um', 'preload: estimate', 24, 'needs a start; expected {estimate: start} with a'),
+    ('preload: 1 um', 'preload: {estimate: -1 um}', 14, 'preload is -1e-06 m'),
+    ('exponent: 2', 'exponent: {estimate: 0}', 14, 'exponent is 0.0'),
+    ('mass: 2 kg', 'mass: {same_as: spring}', 4, 'same_as: found "spring", expected the name'),
+    ('mass: 2 kg', 'mass: {same_as: [a.b]}', 4, 'same_as: found a list of 1'),
+    ('mass: 2 kg', 'mass: {times: 2}', 4, 'or {same_as: another parameter, times: factor}'),
+    ('mass: 2 kg', 'mass: {same_as: a.b, times: 0}', 4, 'times: found "0", expected a positive'),
+    ('mass: 2 kg', 'mass: {same_as: a.b, times: 1 kg}', 4, 'times: found "1 kg"'),
+    ('mass: 2 kg', 'mass: {same_as: a.b, estimate: 1}', 4, 'found {same_as, estimate}, expected'),
+    ('mass: 2 kg', 'mass: {same_as: block.mas}', 3, 'body block: mass is the same as "block.mas"'),
+    ('mass: 2 kg', 'mass: {same_as: block.mass}', 3, 'is the same as itself; give it a value'),
+    ('length: 0.4', 'length: {same_as: guide.width}', 21, 'cannot be tied to another one'),
+    (
+        'tangential_stiffness: 10 N/um',
+        'tangential_stiffness: {same_as: spring.stifness}',
+        14,
+        'did you mean "spring.stiffness"?',
+    ),
+    (
+        'normal_stiffness: estimate',
+        'normal_stiffness: {same_as: spring.stiffness}',
+        14,
+        'guide: normal_stiffness [N/m^2] is the same as "spring.stiffness" [N/m], but the units',
+    ),
+    ('exponent: 2', 'exponent: {same_as: guide.preload}', 14, 'but the units differ'),
+    ('exponent: 2', 'exponent: {same_as: guide.exponent}', 14, 'is the same as itself'),
     ('preload: 1 um', 'preload: -1 um', 14, 'preload is -1e-06 m'),
     ('preload: 1 um', 'preload: 1 um\n    law: stiff', 25, 'expected "decoupled" or "coupled"'),
     ('preload: 1 um', 'gauss_points: 1.5', 24, 'found "1.5", expected a whole number'),

@@ -4,6 +4,7 @@
 
 import math
 
+from identnl_ros.core.coefficients import Tie
 from identnl_ros.storage.quantities import coefficients, convert, direction, Quantity
 import numpy as np
 import pytest
@@ -67,6 +68,33 @@ def test_coefficient_is_known_or_to_be_estimated(value, number, estimated):
 
     assert found.value == pytest.approx(number, nan_ok=True)
     assert found.estimated is estimated
+
+
+@pytest.mark.parametrize(
+    ('value', 'tie'),
+    [
+        ({'same_as': 'knee.mass'}, Tie('knee.mass')),
+        ({'same_as': 'knee.mass', 'times': '1.2'}, Tie('knee.mass', 1.2)),
+        (
+            {'same_as': 'side-way_6.stiffness_1', 'times': '5 %'},
+            Tie('side-way_6.stiffness_1', 0.05),
+        ),
+    ],
+)
+def test_coefficient_may_follow_another_one(value, tie):
+    found = MASS.coefficient(value)
+
+    assert found.tie == tie
+    assert not found.estimated
+    assert math.isnan(found.value)
+    with pytest.raises(ValueError, match='must be known and cannot be tied'):
+        MASS.number(value)
+
+
+def test_search_needs_a_start_where_it_says_so():
+    assert MASS.coefficient_with_start({'estimate': '2'}).value == 2.0
+    with pytest.raises(ValueError, match='needs a start'):
+        MASS.coefficient_with_start('estimate')
 
 
 @pytest.mark.parametrize('value', ['estimate', {'estimate': '900 kg'}])

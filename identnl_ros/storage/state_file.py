@@ -146,7 +146,7 @@ def _built(kind: Any, content: Mapping[str, NDArray[Any]], name: str) -> Any:
             **{key: _built(types[key], content, f'{name}.{key}'.strip('.')) for key in types}
         )
     leaf = content[name]
-    if kind in (int, bool):
+    if kind in (int, bool, float):
         return kind(leaf)
     if get_origin(kind) in (tuple, frozenset):
         return get_origin(kind)(str(text) for text in leaf)

@@ -19,9 +19,9 @@ import time
 from identnl_ros.core.assembly import assemble
 from identnl_ros.core.equilibrium import static_equilibrium
 from identnl_ros.core.excitation import sine
-from identnl_ros.core.identifier import Identifier
 from identnl_ros.core.information import Information
 from identnl_ros.core.model import Model
+from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
 from identnl_ros.core.regression import PointwiseRegression
 from identnl_ros.core.simulation import Simulation, steps_per_sample
 from identnl_ros.core.transform import MotionTransform
@@ -86,7 +86,7 @@ def identification(bag_path: Path, machine_path: Path, table: Table) -> None:
     motions = transformed()
 
     def identified():
-        identifier = Identifier(model)
+        identifier = PointwiseIdentifier(model)
         for motion in motions:
             identifier.add(motion)
         return identifier.estimate()

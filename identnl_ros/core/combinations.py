@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from identnl_ros.core.estimate import CombinationEstimate
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,6 +73,41 @@ def determined_combinations(
         weights = weights[used] / weights[used][0]
         combinations.append(Combination(tuple(names[i] for i in involved[used]), weights))
     return combinations
+
+
+def combination_estimates(
+    null_space: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    names: Sequence[str],
+    values: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+) -> tuple[CombinationEstimate, ...]:
+    """
+    Estimate the combinations that the data determine.
+
+    Parameters
+    ----------
+    null_space, free, names
+        As in `determined_combinations`.
+    values : ndarray, shape (n,)
+        Any solution.
+    covariance : ndarray, shape (n, n)
+        On the determined subspace.
+
+    Returns
+    -------
+    tuple of CombinationEstimate
+
+    """
+    found = []
+    for one in determined_combinations(null_space, free, names):
+        weights = np.zeros(len(names))
+        for name, weight in zip(one.names, one.weights.tolist(), strict=True):
+            weights[list(names).index(name)] = weight
+        variance = max(float(weights @ covariance @ weights), 0.0)
+        deviation = float(np.sqrt(variance))
+        found.append(CombinationEstimate(one.in_words, float(weights @ values), deviation))
+    return tuple(found)
 
 
 def _row_echelon(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

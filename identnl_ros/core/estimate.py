@@ -4,9 +4,12 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
+
+NORMAL_QUANTILE = 1.959963984540054  # of 97.5 %
 
 
 class EstimateStatus(Enum):
@@ -44,6 +47,8 @@ class ParameterEstimate:
     status : EstimateStatus
     note : str
         For people: why the status is not OK.
+    lower, upper : float
+        95 % interval where it is not symmetric, because physics bounds it; else NaN.
 
     """
 
@@ -54,6 +59,35 @@ class ParameterEstimate:
     standard_deviation: float
     status: EstimateStatus
     note: str = ''
+    lower: float = float('nan')
+    upper: float = float('nan')
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % confidence interval; NaN where there is none."""
+        if isnan(self.lower):
+            reach = NORMAL_QUANTILE * self.standard_deviation
+            return self.value - reach, self.value + reach
+        return self.lower, self.upper
+
+
+@dataclass(frozen=True)
+class CombinationEstimate:
+    """
+    Estimate of a sum of parameters that are not determined one by one.
+
+    Parameters
+    ----------
+    in_words : str
+        E.g. ``slideway_8.normal_damping + slideway_9.normal_damping``.
+    value, standard_deviation : float
+        SI, of the sum as written; NaN where not known.
+
+    """
+
+    in_words: str
+    value: float = float('nan')
+    standard_deviation: float = float('nan')
 
 
 @dataclass(frozen=True)
@@ -76,7 +110,7 @@ class Estimate:
         Norm of the residual over the norm of the known side of the regression [-].
     condition_number : float
         Of the column-scaled regression [-].
-    combinations : tuple of str
+    combinations : tuple of CombinationEstimate
         What is determined where single parameters are not.
     notes : tuple of str
         Remarks that bear on trust, in sentences.
@@ -90,5 +124,5 @@ class Estimate:
     rejected_samples: int
     residual: float
     condition_number: float
-    combinations: tuple[str, ...] = ()
+    combinations: tuple[CombinationEstimate, ...] = ()
     notes: tuple[str, ...] = ()

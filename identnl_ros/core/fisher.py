@@ -6,18 +6,15 @@ What a planned run would tell of the unknowns: Fisher's information, the Cramer-
 No unbiased estimate from the same run is more exact; a maximum-likelihood fit comes up to it.
 """
 
-from identnl_ros.core.equilibrium import static_equilibrium
-from identnl_ros.core.errors import DataError, LayoutError
 from identnl_ros.core.excitation import Signal
 from identnl_ros.core.information import Information
 from identnl_ros.core.layout import Layout
 from identnl_ros.core.model import Model
 from identnl_ros.core.nuisance import RecordInformation, with_many_rows
-from identnl_ros.core.sensitivity import CHUNK, STEP_LIMIT, VariedSimulation
-from identnl_ros.core.sensor_prediction import HALF_WIDTH, SensorPrediction
+from identnl_ros.core.planned_run import PlannedRun
+from identnl_ros.core.sensitivity import STEP_LIMIT
 from identnl_ros.core.sensor_unknown import SensorUnknown
 import numpy as np
-from numpy.typing import NDArray
 
 
 def expected_information(
@@ -71,47 +68,11 @@ def expected_information(
         If a value is missing or the motion grows without bound.
 
     """
-    count = round(duration * sample_rate)
-    if count < 2:
-        raise DataError(
-            f'planned run: {duration:g} s at {sample_rate:g} Hz are {count} samples, '
-            'expected at least two'
-        )
-    prediction = SensorPrediction(model, layout, sample_rate, sensor_unknowns)
-    deviation = _noise(layout, prediction)
-    rest = static_equilibrium(model)
-    simulation = VariedSimulation(
-        model, signals, 1 / sample_rate, rest, np.zeros_like(rest),
-        step_limit=step_limit, sensitive=False,
-    )  # fmt: skip
-    settled = round(settling * sample_rate)
-    for start in range(0, settled, CHUNK):
-        simulation.advance(min(CHUNK, settled - start))
-    simulation = VariedSimulation(
-        model, signals, 1 / sample_rate, simulation.displacement, simulation.velocity,
-        start=settled / sample_rate, step_limit=step_limit, steps=simulation.steps,
-    )  # fmt: skip
-    n_own = 2 * rest.size
-    information = Information.empty(n_own + len(model.estimated) + len(sensor_unknowns))
-    late = prediction.stated_delays
-    first = np.where(prediction.moved, np.ceil(late) + HALF_WIDTH, 0)
-    last = np.where(prediction.moved, count + np.floor(late) - HALF_WIDTH, count)
-    for part in prediction.run(simulation, count, np.zeros(len(sensor_unknowns))):
-        sample = np.arange(part.first, part.first + len(part.readings))[:, np.newaxis]
-        weights = ((sample >= first) & (sample < last)) / deviation
-        rows = (part.derivatives * weights[:, :, np.newaxis]).reshape(-1, information.size)
-        information = with_many_rows(information, rows, np.zeros(len(rows)))
-    return RecordInformation(information, n_own).marginal()
-
-
-def _noise(layout: Layout, prediction: SensorPrediction) -> NDArray[np.float64]:
-    sensors = [layout.sensors[channel] for channel in prediction.channels]
-    for sensor in sensors:
-        if not (sensor.noise > 0 or sensor.resolution > 0):
-            raise LayoutError(
-                f'sensor {sensor.name}: noise is {sensor.noise}, expected a positive number; '
-                'how exact a run will be depends on the noise of every sensor'
-            )
-    return np.array(
-        [np.hypot(np.nan_to_num(one.noise), one.resolution / np.sqrt(12)) for one in sensors]
+    run = PlannedRun(
+        model, layout, signals, sample_rate, duration, settling, sensor_unknowns, step_limit
     )
+    information = Information.empty(run.size)
+    for derivatives in run.weighted_derivatives():
+        rows = derivatives.reshape(-1, run.size)
+        information = with_many_rows(information, rows, np.zeros(len(rows)))
+    return RecordInformation(information, run.n_own).marginal()

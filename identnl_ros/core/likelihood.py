@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identnl_ros.core.errors import DataError
+from identnl_ros.core.information import Solution
 from identnl_ros.core.likelihood_point import LikelihoodSettings, Point, start_of
 from identnl_ros.core.likelihood_record import prepare, PreparedRecord, stretch
 from identnl_ros.core.likelihood_search import residuals_at, search
@@ -52,12 +53,9 @@ class LikelihoodFit:
         Unknowns of the sensors and their standard deviations.
     initial_states : tuple of ndarray, each shape (2, n_coordinates)
         Displacement and velocity at the first sample used of each record.
-    free : ndarray of bool, shape (n_unknowns + n_sensor_unknowns,)
-        Unknowns that take part in a combination the data do not determine.
-    null_space : ndarray, shape (n_unknowns + n_sensor_unknowns, n_null)
-        Directions that leave every reading unchanged.
-    condition_number : float
-        Of the column-scaled problem, initial states eliminated.
+    solution : Solution
+        Of the last linearisation, initial states eliminated: unknowns of the machine first,
+        then those of the sensors.
     chi_squared : float
         Sum of squared residuals, each in standard deviations of its noise.
     degrees_of_freedom : int
@@ -87,9 +85,7 @@ class LikelihoodFit:
     sensor_values: NDArray[np.float64]
     sensor_deviations: NDArray[np.float64]
     initial_states: tuple[NDArray[np.float64], ...]
-    free: NDArray[np.bool_]
-    null_space: NDArray[np.float64]
-    condition_number: float
+    solution: Solution
     chi_squared: float
     degrees_of_freedom: int
     noise_known: bool
@@ -100,6 +96,21 @@ class LikelihoodFit:
     iterations: int
     residuals: tuple[NDArray[np.float64], ...]
     first_samples: tuple[int, ...]
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Unknowns that take part in a combination the data do not determine."""
+        return self.solution.free
+
+    @property
+    def null_space(self) -> NDArray[np.float64]:
+        """Directions that leave every reading unchanged, shape (n_all_unknowns, n_null)."""
+        return self.solution.null_space
+
+    @property
+    def condition_number(self) -> float:
+        """Of the column-scaled problem, initial states eliminated."""
+        return self.solution.condition_number
 
     @property
     def standard_deviations(self) -> NDArray[np.float64]:
@@ -190,9 +201,7 @@ def fit_likelihood(
         sensor_values=point.common[n:],
         sensor_deviations=np.sqrt(np.diag(inverse)[n:]),
         initial_states=tuple(state.reshape(2, -1) for state in point.states),
-        free=step.solution.free,
-        null_space=step.solution.null_space,
-        condition_number=step.solution.condition_number,
+        solution=step.solution,
         chi_squared=chi_squared,
         degrees_of_freedom=valid - determined - own,
         noise_known=all(known),

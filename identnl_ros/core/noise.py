@@ -53,6 +53,11 @@ class NoiseEstimate:
         self._counts += valid.sum(axis=0)
 
     @property
+    def counts(self) -> NDArray[np.float64]:
+        """Differences that the estimate of each channel rests on, shape (n_channels,)."""
+        return self._counts.copy()
+
+    @property
     def standard_deviation(self) -> NDArray[np.float64]:
         """Of one sample of each channel; NaN before there are enough, shape (n_channels,)."""
         gain = comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER)

@@ -14,7 +14,7 @@ from identnl_ros.core.blocks import MotionBlock, stamp_after
 from identnl_ros.core.continuity import StreamFollower
 from identnl_ros.core.errors import DataError, IdentnlError
 from identnl_ros.core.estimate import Estimate, EstimateStatus
-from identnl_ros.core.identifier import Identifier
+from identnl_ros.core.identifier import ESTIMATORS, Identifier, identifier_for
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumer_node import ConsumerNode
 from identnl_ros.nodes.conversions import motion_from_message
@@ -43,7 +43,14 @@ class IdentifierNode(ConsumerNode):
     type_name: ClassVar[str] = 'identnl_msgs/msg/BodyMotionBlock'
     settings: ClassVar[tuple[Setting, ...]] = (
         *ConsumerNode.settings,
-        Setting('estimator', 'pointwise', 'Method of estimation.', choices=('pointwise',)),
+        Setting('estimator', 'weak', 'Method of estimation.', choices=ESTIMATORS),
+        Setting(
+            'memory',
+            0.0,
+            'Time after which what was learned counts 1/e as much [s]; 0: all counts alike.',
+            0.0,
+            1e9,
+        ),
         Setting(
             'publish_rate',
             2.0,
@@ -102,7 +109,10 @@ class IdentifierNode(ConsumerNode):
                 f'{self._identifier.samples} samples are forgotten'
             )
         self._identifier = None
-        self._identifier = Identifier(self.model(description))
+        memory = self.setting('memory')
+        self._identifier = identifier_for(
+            self.model(description), self.setting('estimator'), memory or None
+        )
         self._machine_text = description.machine_text
 
     def use(self, block: MotionBlock) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import DataError, IdentnlError
 from identnl_ros.core.estimate import Estimate
-from identnl_ros.core.identifier import Identifier
+from identnl_ros.core.identifier import Identifier, identifier_for
 from identnl_ros.core.machine import Machine
 from identnl_ros.core.model import Model
 from identnl_ros.core.transform import MotionTransform
@@ -75,7 +75,9 @@ def machine_of_bag(bag: Bag, machine_path: Path | None = None) -> Machine:
     return read_machine(text, f'machine file in {bag.path}')
 
 
-def identify_bag(path: Path, machine_path: Path | None = None) -> BagIdentification:
+def identify_bag(
+    path: Path, machine_path: Path | None = None, estimator: str = 'weak'
+) -> BagIdentification:
     """
     Identify a machine from all samples of a bag.
 
@@ -84,6 +86,8 @@ def identify_bag(path: Path, machine_path: Path | None = None) -> BagIdentificat
     path : Path
     machine_path : Path or None
         A machine file; None: the one that the bag carries.
+    estimator : str
+        ``weak`` or ``pointwise``.
 
     Returns
     -------
@@ -97,7 +101,7 @@ def identify_bag(path: Path, machine_path: Path | None = None) -> BagIdentificat
     """
     bag = open_bag(path)
     model = assemble(machine_of_bag(bag, machine_path))
-    identifier = Identifier(model)
+    identifier = identifier_for(model, estimator)
     transforms = [
         _identify_stream(bag, stream.stream_id, model, identifier) for stream in bag.streams
     ]

@@ -146,7 +146,7 @@ class SimulatedSource:
         stream_id: int | None = None,
         stamp_ns: int = 0,
     ) -> None:
-        phase_seed, _, stand_seed = np.random.SeedSequence(run.seed).spawn(3)
+        _, _, stand_seed = np.random.SeedSequence(run.seed).spawn(3)
         if stream_id is None:
             stream_id = _stream_id(machine, run, machine_text, layout_text)
         self._run = run
@@ -155,7 +155,7 @@ class SimulatedSource:
         self._stand = SimulatedStand(
             self._model,
             layout,
-            _signals(machine.excitations, run, np.random.default_rng(phase_seed)),
+            excitation_signals(machine.excitations, run),
             run.sample_rate,
             int(stand_seed.generate_state(1, np.uint64)[0]),
             stream_id,
@@ -215,10 +215,27 @@ def _check_below_half(frequency: float, run: TestRun, what: str) -> None:
         )
 
 
-def _signals(
-    points: tuple[ExcitationPoint, ...], run: TestRun, generator: np.random.Generator
-) -> tuple[Signal, ...]:
-    """Force of every exciter; the random phases of several multisines are independent."""
+def excitation_signals(points: tuple[ExcitationPoint, ...], run: TestRun) -> tuple[Signal, ...]:
+    """
+    Give the force of every exciter.
+
+    Parameters
+    ----------
+    points : tuple of ExcitationPoint
+    run : TestRun
+
+    Returns
+    -------
+    tuple of Signal
+        The random phases of several multisines are independent.
+
+    Raises
+    ------
+    DataError
+        If a frequency is too high for the sample rate, or a band has no line.
+
+    """
+    generator = np.random.default_rng(np.random.SeedSequence(run.seed).spawn(1)[0])
     signals: list[Signal] = []
     for point in points:
         amplitude = point.amplitude if run.amplitude is None else run.amplitude

@@ -14,10 +14,14 @@ import zipfile
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.identifier_state import IdentifierState
+from identnl_ros.core.weak_state import WeakState
 import numpy as np
 from numpy.typing import NDArray
 
 FORMAT = 1
+# Kinds of state by the name that the file gives them.
+State = IdentifierState | WeakState
+_KINDS: dict[str, type[State]] = {'pointwise': IdentifierState, 'weak': WeakState}
 
 
 def state_path(folder: str | Path, name: str) -> Path:
@@ -47,7 +51,7 @@ def state_path(folder: str | Path, name: str) -> Path:
     return Path(folder) / name
 
 
-def save_state(path: Path, state: IdentifierState) -> None:
+def save_state(path: Path, state: State) -> None:
     """
     Write a state; a file of this name is replaced only when the new one is complete.
 
@@ -55,7 +59,7 @@ def save_state(path: Path, state: IdentifierState) -> None:
     ----------
     path : Path
         In an existing folder.
-    state : IdentifierState
+    state : IdentifierState or WeakState
 
     Raises
     ------
@@ -69,6 +73,9 @@ def save_state(path: Path, state: IdentifierState) -> None:
         part = Path(name)
         with os.fdopen(descriptor, 'wb') as stream:
             tables: dict[str, Any] = dict(_flattened(state, ''))
+            tables['estimator'] = next(
+                name for name, kind in _KINDS.items() if isinstance(state, kind)
+            )
             np.savez(stream, format=np.array(FORMAT), **tables)
             stream.flush()
             os.fsync(stream.fileno())
@@ -83,7 +90,7 @@ def save_state(path: Path, state: IdentifierState) -> None:
         ) from None
 
 
-def load_state(path: Path) -> IdentifierState:
+def load_state(path: Path) -> State:
     """
     Read a state.
 
@@ -93,7 +100,7 @@ def load_state(path: Path) -> IdentifierState:
 
     Returns
     -------
-    IdentifierState
+    IdentifierState or WeakState
 
     Raises
     ------
@@ -111,7 +118,8 @@ def load_state(path: Path) -> IdentifierState:
     try:
         found = int(content['format'])
         if found == FORMAT:
-            state: IdentifierState = _built(IdentifierState, content, '')
+            kind = _KINDS[str(content.get('estimator', 'pointwise'))]
+            state: State = _built(kind, content, '')
     except (KeyError, TypeError, ValueError):
         raise DataError(
             f'{path} is no state of an identifier, damaged, or from another version'
@@ -153,8 +161,18 @@ def _built(kind: Any, content: Mapping[str, NDArray[Any]], name: str) -> Any:
     return leaf.astype(np.float64)
 
 
-def _check(path: Path, state: IdentifierState) -> None:
+def _check(path: Path, state: State) -> None:
     size = len(state.unknowns)
+    if isinstance(state, WeakState):
+        sound = state.information.size == size and state.values.shape == (size,)
+    else:
+        sound = _tables_fit(state, size)
+    counts = state.samples, state.rejected, state.next_index, state.information.rows
+    if not sound or min(counts) < 0:
+        raise DataError(f'{path} is damaged: its tables do not fit its {size} parameters')
+
+
+def _tables_fit(state: IdentifierState, size: int) -> bool:
     motion = state.pending.shape[2] if state.pending.ndim == 3 else -1
     elastic = len(state.slopes.sums)
     expected = [
@@ -170,8 +188,4 @@ def _check(path: Path, state: IdentifierState) -> None:
     if state.noise is not None:
         parts = (getattr(state.noise, field.name) for field in fields(state.noise))
         expected += [(part, (motion, motion)) for part in parts]
-    if (
-        any(table.shape != shape for table, shape in expected)
-        or min(state.samples, state.rejected, state.next_index, state.information.rows) < 0
-    ):
-        raise DataError(f'{path} is damaged: its tables do not fit its {size} parameters')
+    return all(table.shape == shape for table, shape in expected)

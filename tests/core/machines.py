@@ -6,10 +6,10 @@ from dataclasses import replace
 from itertools import pairwise
 
 from identnl_ros.core.blocks import SampleBlock
-from identnl_ros.core.identifier import Identifier
 from identnl_ros.core.joints import Coefficient, GROUND, Slideway, SpringDamper
 from identnl_ros.core.layout import Layout, Sensor, SensorKind
 from identnl_ros.core.machine import Body, ExcitationPoint, Machine
+from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
 from identnl_ros.core.transform import MotionTransform
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -228,7 +228,7 @@ def motion_of(model, layout, blocks):
 
 def identified(model, layout, blocks):
     """Return the estimate from a record."""
-    identifier = Identifier(model)
+    identifier = PointwiseIdentifier(model)
     for motion in motion_of(model, layout, blocks):
         identifier.add(motion)
     return identifier.estimate()

@@ -8,9 +8,9 @@ from identnl_ros.core.assembly import assemble
 from identnl_ros.core.coefficients import Coefficient, Tie
 from identnl_ros.core.errors import DataError, MachineError
 from identnl_ros.core.force_derivatives import ForceDerivatives
-from identnl_ros.core.identifier import Identifier
 from identnl_ros.core.joints import Slideway
 from identnl_ros.core.machine import ConstantForce
+from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
 from identnl_ros.core.regression import PointwiseRegression
 import numpy as np
 import pytest
@@ -212,7 +212,7 @@ def test_tied_coefficients_stand_in_the_columns_of_what_they_follow():
 def test_pointwise_estimator_refuses_inner_unknowns_and_names_the_alternative(key):
     machine = knee_and_column()
     model = assemble(with_joints(machine, slideway_8={key: unknown(1.0)}))
-    for estimator in (PointwiseRegression, Identifier):
+    for estimator in (PointwiseRegression, PointwiseIdentifier):
         with pytest.raises(DataError, match=rf'slideway_8\.{key}: .*weak or the likelihood'):
             estimator(model)
 

@@ -9,10 +9,10 @@ from identnl_ros.core.blocks import MotionBlock
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimate import EstimateStatus
 from identnl_ros.core.excitation import multisine
-from identnl_ros.core.identifier import Identifier
 from identnl_ros.core.joints import GROUND, SpringDamper
 from identnl_ros.core.layout import Layout, SensorKind
 from identnl_ros.core.machine import Body, ConstantForce, ExcitationPoint, Machine
+from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
 from identnl_ros.core.regression import PointwiseRegression
 from identnl_ros.core.stand import SimulatedStand
 import numpy as np
@@ -166,7 +166,7 @@ def test_saved_and_restored_identifier_continues_as_if_never_stopped(layout, pau
     model, samples = noisy_record(layout)
     samples[100, 1] = np.nan
     motions = motion_of(model, layout, blocks_of(samples, RATE, [500] * 11))
-    steady, stopped, restored = (Identifier(model) for _ in range(3))
+    steady, stopped, restored = (PointwiseIdentifier(model) for _ in range(3))
     for motion in motions:
         steady.add(motion)
     for motion in motions[:pause]:
@@ -180,7 +180,7 @@ def test_saved_and_restored_identifier_continues_as_if_never_stopped(layout, pau
 def test_restored_identifier_knows_what_it_has_seen_of_the_stream():
     model, samples = noisy_record()
     motions = motion_of(model, NOISY, blocks_of(samples, RATE, [1000] * 5))
-    first, second = Identifier(model), Identifier(model)
+    first, second = PointwiseIdentifier(model), PointwiseIdentifier(model)
     for motion in motions[:3]:
         first.add(motion)
     state = first.state
@@ -197,7 +197,7 @@ def test_restored_identifier_knows_what_it_has_seen_of_the_stream():
 def test_restored_identifier_takes_another_record_at_once():
     model, samples = noisy_record()
     (motion,) = motion_of(model, NOISY, blocks_of(samples, RATE))
-    first, second = Identifier(model), Identifier(model)
+    first, second = PointwiseIdentifier(model), PointwiseIdentifier(model)
     first.add(motion)
     second.restore(first.state)
     assert second.add(replace(motion, stream_id=2))
@@ -209,7 +209,7 @@ def test_restored_identifier_remembers_that_noise_and_rates_are_second_hand():
     model, samples = noisy_record(DERIVED)
     unstated = line_layout(kinds=(D,), noise=np.nan)
     (motion,) = motion_of(model, unstated, blocks_of(samples, RATE))
-    first, second = Identifier(model), Identifier(model)
+    first, second = PointwiseIdentifier(model), PointwiseIdentifier(model)
     first.add(motion)
     assert first.state.noise_estimated
     assert first.state.derived == {'velocity', 'acceleration'}
@@ -252,7 +252,7 @@ def test_contact_with_a_power_below_one_and_no_preload_returns_to_1e_9(coupled, 
 def test_asking_for_an_estimate_changes_nothing():
     model, samples = noisy_record()
     motions = motion_of(model, NOISY, blocks_of(samples, RATE, [700] * 8))
-    asked, silent = Identifier(model), Identifier(model)
+    asked, silent = PointwiseIdentifier(model), PointwiseIdentifier(model)
     for motion in motions:
         asked.add(motion)
         silent.add(motion)
@@ -263,7 +263,7 @@ def test_asking_for_an_estimate_changes_nothing():
 def test_reset_forgets_everything():
     model, samples = noisy_record(DERIVED)
     first, second = motion_of(model, DERIVED, blocks_of(samples, RATE, [3000]))
-    used, fresh = Identifier(model), Identifier(model)
+    used, fresh = PointwiseIdentifier(model), PointwiseIdentifier(model)
     used.add(first)
     used.reset()
     for identifier in (used, fresh):
@@ -274,7 +274,7 @@ def test_reset_forgets_everything():
 def test_repeated_block_is_not_counted_twice():
     model, samples = noisy_record()
     motions = motion_of(model, NOISY, blocks_of(samples, RATE, [2000, 2000]))
-    once, twice = Identifier(model), Identifier(model)
+    once, twice = PointwiseIdentifier(model), PointwiseIdentifier(model)
     assert [once.add(motion) for motion in motions] == [True] * 3
     assert [twice.add(motions[i]) for i in (0, 0, 1, 0, 2)] == [True, False, True, False, True]
     assert_same_bits(once.estimate(), twice.estimate())
@@ -298,7 +298,7 @@ def test_rows_with_nan_are_left_out_and_counted():
 @pytest.mark.parametrize('count', [0, 1, 3, 4])
 def test_too_few_samples_give_no_number_at_all(count):
     model, samples = noisy_record()
-    identifier = Identifier(model)
+    identifier = PointwiseIdentifier(model)
     if count:
         (motion,) = motion_of(model, NOISY, blocks_of(samples[:count], RATE))
         identifier.add(motion)
@@ -354,20 +354,20 @@ def test_noise_found_from_the_samples_depends_on_the_blocks_by_rounding_only(siz
 
 def test_machine_without_unknowns_or_with_a_known_number_missing_is_refused():
     with pytest.raises(DataError, match='nothing to identify'):
-        Identifier(assemble(oscillator()))
+        PointwiseIdentifier(assemble(oscillator()))
     with pytest.raises(DataError, match=r'spring\.damping: known but without a value'):
-        Identifier(assemble(oscillator(None, unknown(), known(np.nan))))
+        PointwiseIdentifier(assemble(oscillator(None, unknown(), known(np.nan))))
 
 
 def test_state_or_motion_of_another_machine_is_refused():
     model, samples = noisy_record()
-    identifier = Identifier(model)
+    identifier = PointwiseIdentifier(model)
     other = assemble(chain(make=unknown))
     with pytest.raises(DataError, match='another machine or other unknowns'):
-        identifier.restore(Identifier(other).state)
+        identifier.restore(PointwiseIdentifier(other).state)
     (motion,) = motion_of(model, NOISY, blocks_of(samples[:9], RATE))
     with pytest.raises(DataError, match='coordinates'):
-        Identifier(other).add(motion)
+        PointwiseIdentifier(other).add(motion)
 
 
 # --- what data determine only together --------------------------------------------------------
@@ -446,7 +446,7 @@ def smooth_motion(count, columns, seed=3, rate=2000.0):
 
 def estimate_of_motion(model, motion, force, covariances=(0.0,) * 5):
     n = len(model.coordinates)
-    identifier = Identifier(model)
+    identifier = PointwiseIdentifier(model)
     identifier.add(MotionBlock(
         1, 0, 0, 2000.0, model.coordinate_names, *motion, force,
         *(covariance * np.eye(n) for covariance in covariances), last=True,

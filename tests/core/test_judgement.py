@@ -8,8 +8,8 @@ from identnl_ros.core.assembly import assemble
 from identnl_ros.core.continuity import Arrival, StreamFollower
 from identnl_ros.core.estimate import EstimateStatus
 from identnl_ros.core.excitation import multisine
-from identnl_ros.core.identifier import Identifier
 from identnl_ros.core.layout import SensorKind
+from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
 from identnl_ros.core.stand import SimulatedStand
 from identnl_ros.core.transform import MotionTransform
 import numpy as np
@@ -73,7 +73,7 @@ def late(kind, delay):
     ids=['gain 2 % off', 'wrong polarity', 'delay of 25 us', 'three times the stated noise'],
 )
 def test_wrong_layout_puts_the_model_in_doubt(actual):
-    identifier = Identifier(MODEL)
+    identifier = PointwiseIdentifier(MODEL)
     feed(identifier, actual, layout(0.01))
     estimate = identifier.estimate()
     assert {one.status for one in estimate.parameters} == {EstimateStatus.MODEL_IN_DOUBT}
@@ -82,7 +82,7 @@ def test_wrong_layout_puts_the_model_in_doubt(actual):
 
 @pytest.mark.parametrize('factor', [0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0])
 def test_right_layout_does_not(factor):
-    identifier = Identifier(MODEL)
+    identifier = PointwiseIdentifier(MODEL)
     feed(identifier, layout(factor), layout(factor))
     found = {one.status for one in identifier.estimate().parameters}
     assert EstimateStatus.MODEL_IN_DOUBT not in found
@@ -90,7 +90,7 @@ def test_right_layout_does_not(factor):
 
 @pytest.mark.parametrize('factors', [(1.0, 1e-3), (1e-3, 1.0)])
 def test_quiet_stream_does_not_hide_the_noise_of_another(factors):
-    identifier = Identifier(MODEL)
+    identifier = PointwiseIdentifier(MODEL)
     for stream_id, factor in enumerate(factors, start=1):
         feed(identifier, layout(factor), layout(factor), stream_id=stream_id)
     for parameter, truth in zip(identifier.estimate().parameters, TRUTH, strict=True):
@@ -99,7 +99,7 @@ def test_quiet_stream_does_not_hide_the_noise_of_another(factors):
 
 
 def test_reset_forgets_which_stream_the_data_came_from():
-    identifier = Identifier(MODEL)
+    identifier = PointwiseIdentifier(MODEL)
     feed(identifier, layout(0.0), layout(0.0), seconds=0.3)
     first = identifier.estimate()
     feed(identifier, layout(0.0), layout(0.0), seconds=0.3)

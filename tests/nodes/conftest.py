@@ -43,7 +43,7 @@ RUN = {'duration': 1.0, 'sample_rate': 5000.0, 'seed': 3, 'excitation': 'multisi
 # many threads of linear algebra as the nodes have, since rounding depends on them.
 OFFLINE = """
 import pickle, sys
-from identnl_ros.core.identifier import Identifier
+from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
 from identnl_ros.core.assembly import assemble
 from identnl_ros.core.transform import MotionTransform
 from identnl_ros.sources.simulated import Excitation, SimulatedSource, TestRun
@@ -58,7 +58,7 @@ source = SimulatedSource(machine.machine, layout.layout, run, machine.text, layo
 blocks = list(source.blocks())
 model = assemble(machine.machine)
 transform = MotionTransform(model, layout.layout, run.sample_rate)
-identifier = Identifier(model)
+identifier = PointwiseIdentifier(model)
 for motion in map(transform.add, blocks):
     if motion is not None:
         identifier.add(motion)

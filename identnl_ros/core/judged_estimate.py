@@ -1,0 +1,161 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""From a fitted simulation to estimates that say how far to trust them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from identnl_ros.core.combinations import combination_estimates
+from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimate
+from identnl_ros.core.information import Solution
+from identnl_ros.core.model import Parameter
+from identnl_ros.core.residual_statistics import ResidualStatistics
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+# Chance that a complete model is doubted.
+FALSE_ALARM_RATE = 0.01
+# The noise in the samples may exceed the stated one by this factor, as rough as that often is.
+LARGEST_NOISE = 1.5
+# Deviation of the noise from the stated one that is worth a remark.
+NOTABLE_NOISE = 0.1
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """
+    Whether the residual of a fit is sensor noise and nothing else.
+
+    Parameters
+    ----------
+    variance : float
+        Factor on the covariance that stated noise gives.
+    doubt : str
+        Why not, in a sentence; empty: nothing speaks against it.
+    remark : str
+        What else the residual shows; empty: nothing.
+
+    """
+
+    variance: float
+    doubt: str
+    remark: str
+
+
+def verdict_on(statistics: ResidualStatistics, fitted: int) -> Verdict:
+    """
+    Judge the residual of a fit.
+
+    Parameters
+    ----------
+    statistics : ResidualStatistics
+        Of the residuals, in units of the stated noise.
+    fitted : int
+        Numbers that were fitted.
+
+    Returns
+    -------
+    Verdict
+
+    """
+    known = statistics.noise[np.isfinite(statistics.noise)]
+    noise = float(np.sqrt(np.mean(known**2))) if known.size else 1.0
+    ratio, deviation = statistics.slow_excess(fitted)
+    limit = 1 + float(norm.isf(FALSE_ALARM_RATE)) * deviation
+    doubt = remark = ''
+    said = f'The samples are {noise:.3g} times as noisy as the layout states.'
+    if noise > LARGEST_NOISE:
+        doubt = f'{said} The standard deviations do not hold.'
+    elif ratio > limit:
+        doubt = (
+            f'The slow part of the residual has {ratio:.3g} times the power that sensor noise '
+            f'explains (expected below {limit:.3g}): the model lacks something, or a gain, '
+            'direction, delay or column in the layout is wrong. The standard deviations do not '
+            'hold.'
+        )
+    elif abs(noise - 1) > NOTABLE_NOISE:
+        remark = said
+    return Verdict(max(1.0, noise**2), doubt, remark)
+
+
+def judged_estimate(
+    estimator: str,
+    unknowns: Sequence[Parameter],
+    values: NDArray[np.float64],
+    solution: Solution,
+    verdict: Verdict,
+    samples: int,
+    rejected: int,
+    residual: float,
+    failure: str = '',
+    remarks: Sequence[str] = (),
+) -> Estimate:
+    """
+    Turn what a fit has learned into estimates.
+
+    Parameters
+    ----------
+    estimator : str
+    unknowns : sequence of Parameter
+    values : ndarray, shape (n_unknowns,)
+        Best values [SI].
+    solution : Solution
+        Of the linearised fit, with rows of unit variance.
+    verdict : Verdict
+        On the residual.
+    samples, rejected : int
+        Instants used and left out.
+    residual : float
+        Root mean square of the residual over the stated noise [-].
+    failure : str
+        Why the fit has not converged; empty: it has.
+    remarks : sequence of str
+        Added to the notes.
+
+    Returns
+    -------
+    Estimate
+
+    """
+    covariance = verdict.variance * solution.inverse + np.diag(solution.rounding**2)
+    combinations = combination_estimates(
+        solution.null_space, solution.free, [one.name for one in unknowns], values, covariance
+    )
+    covariance[solution.free, :] = np.nan
+    covariance[:, solution.free] = np.nan
+    if failure:
+        covariance[:] = np.nan
+    deviations = np.sqrt(np.diag(covariance))
+    parameters = []
+    for i, one in enumerate(unknowns):
+        status, note = EstimateStatus.OK, ''
+        value, deviation = float(values[i]), float(deviations[i])
+        if solution.free[i]:
+            value = deviation = float('nan')
+            status = EstimateStatus.NOT_IDENTIFIABLE
+            note = 'these data do not determine it by itself'
+        elif failure:
+            status, note = EstimateStatus.NOISE_LIMITED, 'a rough start, not converged'
+        elif verdict.doubt:
+            status, note = EstimateStatus.MODEL_IN_DOUBT, 'its standard deviation does not hold'
+        parameters.append(
+            ParameterEstimate(one.name, one.symbol, one.unit, value, deviation, status, note)
+        )
+    notes = [
+        f'The estimates have not converged: {failure}.' if failure else '',
+        verdict.doubt,
+        verdict.remark,
+        *remarks,
+    ]
+    return Estimate(
+        estimator=estimator,
+        parameters=tuple(parameters),
+        covariance=covariance,
+        samples=samples,
+        rejected_samples=rejected,
+        residual=residual,
+        condition_number=solution.condition_number,
+        combinations=combinations,
+        notes=tuple(note for note in notes if note),
+    )

@@ -12,6 +12,8 @@ from identnl_ros import __version__
 COMMANDS = {
     'simulate': ('simulate', 'Record a bag on the simulated stand.'),
     'identify': ('identify', 'Identify the parameters of a machine from a bag.'),
+    'validate': ('validate', 'Compare a machine with identified parameters with a bag.'),
+    'design': ('design', 'Tell what a planned run would determine, before it is made.'),
     'replay': ('replay', 'Publish the samples of a bag on ROS 2 topics.'),
     'record': ('record', 'Record the topics of a stand in a bag.'),
     'import': ('import_file', 'Turn a recorded table (CSV) into a bag.'),

@@ -1,64 +1,102 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""`identnl identify`: the parameters of a machine from a bag."""
+"""`identnl identify`: the parameters of a machine from bags."""
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome, say
-from identnl_ros.core.estimate import Estimate
+from identnl_ros.core.estimate import Estimate, EstimateStatus
+
+if TYPE_CHECKING:
+    from identnl_ros.sources.offline import Losses
 
 
 @click.command('identify')
-@click.argument('bag', type=click.Path(path_type=Path))
+@click.argument('bags', type=click.Path(path_type=Path), nargs=-1, required=True, metavar='BAG...')
 @click.option(
     '--machine',
     type=click.Path(path_type=Path),
-    help='Machine file; without it, the one that the bag carries.',
+    help='Machine file; without it, the one that the first bag carries.',
 )
 @click.option(
     '--estimator',
-    type=click.Choice(['pointwise']),
-    default='pointwise',
+    type=click.Choice(['weak', 'pointwise', 'likelihood']),
+    default='weak',
     show_default=True,
-    help='pointwise: least squares on every sample (Berczynski et al. 2010).',
+    help='weak: streaming, survives sensor noise. pointwise: least squares on every sample '
+    '(Berczynski et al. 2010), for clean data. likelihood: simulation against all sensors, '
+    'for partial layouts and unknown sensors.',
+)
+@click.option(
+    '--unknown',
+    'unknowns',
+    multiple=True,
+    metavar='SENSORS.QUANTITY',
+    help='With the likelihood: estimate also the offset, gain or delay of a sensor or of all '
+    'sensors of a kind, e.g. acceleration.delay; may be repeated.',
+)
+@click.option(
+    '--bounded',
+    is_flag=True,
+    help='Keep stiffness, damping, mass, preload and exponent from being negative.',
 )
 @reporting
-def command(bag: Path, machine: Path | None, estimator: str) -> Outcome:
+def command(
+    bags: tuple[Path, ...],
+    machine: Path | None,
+    estimator: str,
+    unknowns: tuple[str, ...],
+    bounded: bool,
+) -> Outcome:
     """
-    Identify the parameters marked "estimate" in the machine file from BAG.
+    Identify the parameters marked "estimate" in the machine file.
 
-    Exit code 1: the data determine none of them.
+    From one or several BAGs of the same machine. Exit code 1: the data determine none of them,
+    or the estimates are not to be trusted because model and data disagree.
     """
+    from identnl_ros.core.physical_bounds import within_physical_bounds
     from identnl_ros.reports.estimate_document import estimate_document
-    from identnl_ros.sources.offline import identify_bag
+    from identnl_ros.sources.offline import identify_bags
     from identnl_ros.storage.bag_reader import open_bag
 
-    result = identify_bag(bag, machine)
-    truth = _truth(open_bag(bag).metadata('identnl.truth'))
-    estimate = result.estimate
-    remarks = [
-        *result.problems,
-        *(
-            f'{name}: {count} samples without a valid reading'
-            for name, count in result.readings_missing.items()
-        ),
-    ]
-    if result.lost_samples:
-        remarks.append(f'{result.lost_samples} samples are missing between the blocks')
-    if result.unusable_blocks:
-        remarks.append(f'{result.unusable_blocks} blocks were repeated, late or foreign')
+    result = identify_bags(bags, machine, estimator, unknowns)
+    truth = _truth(open_bag(bags[0]).metadata('identnl.truth'))
+    estimate = within_physical_bounds(result.estimate) if bounded else result.estimate
+    remarks = _remarks(result.losses)
     for remark in remarks:
         say(f'warning: {remark}')
     document = {
-        'bag': str(bag),
+        'bag': str(bags[0]),
+        'bags': [str(bag) for bag in bags],
         'machine': result.machine.name,
         **estimate_document(estimate, truth),
         'problems': remarks,
     }
-    determined = any(parameter.value == parameter.value for parameter in estimate.parameters)
-    return Outcome(document, lambda: _show(estimate, truth), DONE if determined else NEGATIVE)
+    return Outcome(document, lambda: _show(estimate, truth), _exit_code(estimate))
+
+
+def _exit_code(estimate: Estimate) -> int:
+    determined = any(one.value == one.value for one in estimate.parameters)
+    doubted = any(one.status is EstimateStatus.MODEL_IN_DOUBT for one in estimate.parameters)
+    return DONE if determined and not doubted else NEGATIVE
+
+
+def _remarks(losses: 'Losses') -> list[str]:
+    remarks = [
+        *losses.problems,
+        *(
+            f'{name}: {count} samples without a valid reading'
+            for name, count in losses.readings.items()
+        ),
+    ]
+    if losses.samples:
+        remarks.append(f'{losses.samples} samples are missing between the blocks')
+    if losses.blocks:
+        remarks.append(f'{losses.blocks} blocks were repeated, late or foreign')
+    return remarks
 
 
 def _truth(metadata: dict[str, str] | None) -> dict[str, float]:

@@ -27,8 +27,8 @@ class _Noise(click.ParamType):  # type: ignore[type-arg]
 class _Quantity(click.ParamType):  # type: ignore[type-arg]
     """A number in SI, or with a unit."""
 
-    def __init__(self, unit: str, example: str) -> None:
-        self.name = unit
+    def __init__(self, unit: str, example: str, name: str = '') -> None:
+        self.name = name or unit
         self._unit = unit
         self._example = example
 
@@ -49,3 +49,4 @@ NOISE = _Noise()
 FREQUENCY = _Quantity('Hz', 'a frequency such as "40 Hz"')
 TIME = _Quantity('s', 'a time such as "4 s"')
 FORCE = _Quantity('N', 'a force such as "100 daN"')
+ERROR = _Quantity('', 'a relative error such as "1 %"', '%')

@@ -7,7 +7,9 @@ A residual that is nothing but sensor noise has the size of that noise, and aver
 samples are smaller by the root of k. Two more errors are allowed for: the parameters and the
 measured force are uncertain, and the simulation with them; what they do to every average is
 known from derivatives. So the mean square of the averages of every channel has a known
-distribution, and one that is too large is as improbable as `tail_probability` says.
+distribution, and one that is too large is as improbable as `tail_probability` says. Where the
+parameters are known so badly that this hides everything, a second test takes out what they can
+explain within their uncertainty (generalised least squares) and looks at the rest.
 """
 
 from collections.abc import Sequence
@@ -40,12 +42,15 @@ class ScaleTest:
         Root mean square over its expectation [-].
     probability : float
         Of so large a ratio or a larger one, if the model is right.
+    beyond_band : bool
+        What errors of the parameters within their uncertainty can explain is taken out.
 
     """
 
     average: int
     ratio: float
     probability: float
+    beyond_band: bool = False
 
 
 @dataclass(frozen=True)
@@ -102,8 +107,8 @@ class ChannelComparison:
 
     @property
     def expected(self) -> float:
-        """Error expected of a right model: noise and both bands together [SI]."""
-        return float(np.sqrt(self.noise**2 + self.band**2 + self.force_noise**2))
+        """Error expected of a right model: all that it allows for together [SI]."""
+        return float(np.linalg.norm((self.noise, self.band, self.force_noise)))
 
     @property
     def worst(self) -> ScaleTest | None:
@@ -199,9 +204,14 @@ class NoiseReference:
     degrees: float
 
 
-def scale_test(
-    level: int, products: Reals, count: float, draws: int, noise: NoiseReference
-) -> ScaleTest:
+def scale_tests(
+    level: int,
+    products: Reals,
+    count: float,
+    draws: int,
+    noise: NoiseReference,
+    computation: float = 0.0,
+) -> tuple[ScaleTest, ...]:
     """
     Test the averages of one channel, or of several together, at one scale.
 
@@ -216,24 +226,40 @@ def scale_test(
     draws : int
     noise : NoiseReference
         In the units of the columns.
+    computation : float
+        Sum of squares of what the simulation itself may be wrong by, in these units.
 
     Returns
     -------
-    ScaleTest
+    tuple of ScaleTest
+        Of the residual and, where there is a band, of what lies beyond it.
 
     """
-    total, variance = float(products[-1, -1]), noise.variance
+    average = SCALES[level]
+    if noise.variance == 0:
+        total = float(products[-1, -1])
+        return (ScaleTest(average, np.inf if total else 0.0, 0.0 if total else 1.0),)
+    products = products / noise.variance
+    total = float(products[-1, -1])
     band, (force, force_degrees) = _band(products, draws), _force(products, draws, count)
-    expected = count * variance + float(band.sum()) + force * force_degrees
-    if variance == 0:
-        return ScaleTest(SCALES[level], np.inf if total else 0.0, 0.0 if total else 1.0)
-    white = max(count - band.size - force_degrees, 0.0)
-    weights = np.array([*(1 + band / variance), 1 + force / variance, 1.0, 0.0])
-    degrees = np.array([*np.ones(band.size), force_degrees, white, noise.degrees])
-    weights[-1] = -total / variance / noise.degrees
-    return ScaleTest(
-        SCALES[level], float(np.sqrt(total / expected)), tail_probability(weights, degrees)
-    )
+    own = [1 + force, 1.0, 0.0]
+    computed = np.array([computation / noise.variance])
+
+    def test(total: float, more: Reals, beyond_band: bool) -> ScaleTest:
+        white = max(count - more.size - force_degrees, 0.0)
+        expected = count + float(more.sum()) + force * force_degrees
+        weights = np.array([*(1 + more), *own])
+        degrees = np.array([*np.ones(more.size), force_degrees, white, noise.degrees])
+        weights[-1] = -total / noise.degrees
+        probability = tail_probability(weights, degrees)
+        return ScaleTest(average, float(np.sqrt(total / expected)), probability, beyond_band)
+
+    result = test(total, np.append(band, computed), beyond_band=False)
+    if not band.size:
+        return (result,)
+    table, target = products[: band.size, : band.size], products[: band.size, -1]
+    explained = float(target @ np.linalg.solve(np.eye(band.size) + table, target))
+    return result, test(max(total - explained, 0.0), computed, beyond_band=True)
 
 
 def exact_test(products: Reals, count: float, draws: int, tolerance: float) -> ScaleTest:
@@ -243,7 +269,7 @@ def exact_test(products: Reals, count: float, draws: int, tolerance: float) -> S
     Parameters
     ----------
     products, count, draws
-        As for `scale_test`, of single samples.
+        As for `scale_tests`, of single samples.
     tolerance : float
         Standard deviation of the error of the computation, the same all the time.
 

@@ -48,7 +48,7 @@ class ParameterEstimate:
     note : str
         For people: why the status is not OK.
     lower, upper : float
-        95 % interval where it is not symmetric, because physics bounds it; else NaN.
+        95 % confidence interval; made from value and standard deviation where not given.
 
     """
 
@@ -62,13 +62,12 @@ class ParameterEstimate:
     lower: float = float('nan')
     upper: float = float('nan')
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % confidence interval; NaN where there is none."""
-        if isnan(self.lower):
+    def __post_init__(self) -> None:
+        """Complete the interval."""
+        if isnan(self.lower) and isnan(self.upper):
             reach = NORMAL_QUANTILE * self.standard_deviation
-            return self.value - reach, self.value + reach
-        return self.lower, self.upper
+            object.__setattr__(self, 'lower', self.value - reach)
+            object.__setattr__(self, 'upper', self.value + reach)
 
 
 @dataclass(frozen=True)

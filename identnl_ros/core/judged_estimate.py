@@ -7,17 +7,20 @@ from dataclasses import dataclass
 
 from identnl_ros.core.combinations import combination_estimates
 from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimate
+from identnl_ros.core.force_noise import ForceNoise
 from identnl_ros.core.information import Solution
 from identnl_ros.core.model import Parameter
 from identnl_ros.core.residual_statistics import ResidualStatistics
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import chi2
 
 # Chance that a complete model is doubted.
 FALSE_ALARM_RATE = 0.01
 # The noise in the samples may exceed the stated one by this factor, as rough as that often is.
 LARGEST_NOISE = 1.5
+# The power that force noise adds to a residual is narrow-banded and varies: so much is allowed.
+FORCE_MARGIN = 1.5
 # Deviation of the noise from the stated one that is worth a remark.
 NOTABLE_NOISE = 0.1
 
@@ -43,7 +46,7 @@ class Verdict:
     remark: str
 
 
-def verdict_on(statistics: ResidualStatistics, fitted: int) -> Verdict:
+def verdict_on(statistics: ResidualStatistics, fitted: int, force_noise: ForceNoise) -> Verdict:
     """
     Judge the residual of a fit.
 
@@ -53,6 +56,8 @@ def verdict_on(statistics: ResidualStatistics, fitted: int) -> Verdict:
         Of the residuals, in units of the stated noise.
     fitted : int
         Numbers that were fitted.
+    force_noise : ForceNoise
+        What noise of the measured force adds.
 
     Returns
     -------
@@ -62,7 +67,10 @@ def verdict_on(statistics: ResidualStatistics, fitted: int) -> Verdict:
     known = statistics.noise[np.isfinite(statistics.noise)]
     noise = float(np.sqrt(np.mean(known**2))) if known.size else 1.0
     ratio, deviation = statistics.slow_excess(fitted)
-    limit = 1 + float(norm.isf(FALSE_ALARM_RATE)) * deviation
+    # A mean of squares: chi squared with the degrees of freedom that give it its deviation.
+    freedom = 2 / deviation**2
+    limit = float(chi2.isf(FALSE_ALARM_RATE, freedom)) / freedom
+    limit += FORCE_MARGIN * force_noise.slow_share / noise**2
     doubt = remark = ''
     said = f'The samples are {noise:.3g} times as noisy as the layout states.'
     if noise > LARGEST_NOISE:
@@ -88,6 +96,7 @@ def judged_estimate(
     samples: int,
     rejected: int,
     residual: float,
+    force_noise: ForceNoise,
     failure: str = '',
     remarks: Sequence[str] = (),
 ) -> Estimate:
@@ -108,6 +117,8 @@ def judged_estimate(
         Instants used and left out.
     residual : float
         Root mean square of the residual over the stated noise [-].
+    force_noise : ForceNoise
+        What noise of the measured force adds to the variances.
     failure : str
         Why the fit has not converged; empty: it has.
     remarks : sequence of str
@@ -119,6 +130,9 @@ def judged_estimate(
 
     """
     covariance = verdict.variance * solution.inverse + np.diag(solution.rounding**2)
+    share = np.zeros(len(values))
+    share[: len(force_noise.variance_share)] = force_noise.variance_share
+    covariance *= np.sqrt(np.outer(1 + share, 1 + share))
     combinations = combination_estimates(
         solution.null_space, solution.free, [one.name for one in unknowns], values, covariance
     )
@@ -147,6 +161,9 @@ def judged_estimate(
         verdict.doubt,
         verdict.remark,
         *remarks,
+        'Noise of the force sensors adds more to the errors than that of the sensors of motion.'
+        if share.max(initial=0.0) > 1
+        else '',
     ]
     return Estimate(
         estimator=estimator,

@@ -7,12 +7,15 @@ from collections.abc import Sequence
 from identnl_ros.core.blocks import SampleBlock
 from identnl_ros.core.errors import LayoutError
 from identnl_ros.core.estimate import Estimate
+from identnl_ros.core.force_noise import force_noise_effect, ForceNoise
 from identnl_ros.core.judged_estimate import judged_estimate, Verdict, verdict_on
 from identnl_ros.core.layout import SensorKind
 from identnl_ros.core.likelihood import fit_likelihood, LikelihoodFit
 from identnl_ros.core.likelihood_point import LikelihoodSettings
 from identnl_ros.core.measured_record import MeasuredRecord, standard_deviations
 from identnl_ros.core.model import Model, Parameter
+from identnl_ros.core.observation import observe_force, sensor_matrix
+from identnl_ros.core.recursion import LONGEST_FORCE_STUDY
 from identnl_ros.core.residual_statistics import ResidualStatistics
 from identnl_ros.core.sensor_unknown import SensorUnknown
 from identnl_ros.core.transform import MotionTransform
@@ -89,11 +92,12 @@ def _judged(
     unknowns += [_sensor_parameter(one, records) for one in sensor_unknowns]
     fitted = len(unknowns) + sum(state.size for state in fit.initial_states)
     variance = fit.chi_squared / max(fit.degrees_of_freedom, 1)
+    average = _average(records[0])
+    statistics = _statistics(fit, average)
+    force_noise = _force_noise(fit, records[0], average)
     perfect = all(np.nanmax(standard_deviations(record)) == 0 for record in records)
-    if perfect:
-        verdict = Verdict(variance, '', '')
-    else:
-        verdict = verdict_on(_statistics(fit, records), fitted)
+    exact = Verdict(variance, '', '')
+    verdict = exact if perfect else verdict_on(statistics, fitted, force_noise)
     samples = sum(int(np.isfinite(one).any(axis=1).sum()) for one in fit.residuals)
     remarks = []
     if not fit.noise_known and not perfect:
@@ -110,26 +114,62 @@ def _judged(
         samples,
         sum(len(record.samples) for record in records) - samples,
         residual=float(np.sqrt(variance)),
+        force_noise=force_noise,
         failure='' if fit.converged else fit.reason,
         remarks=remarks,
     )
 
 
-def _statistics(fit: LikelihoodFit, records: Sequence[MeasuredRecord]) -> ResidualStatistics:
-    """Gather the residuals of all records whose channels are the first one's."""
-    record = records[0]
+def _average(record: MeasuredRecord) -> int:
+    """Choose how many samples of the residual to average: few beside the motion's periods."""
     noise = standard_deviations(record)
     kind = next(one for one in _ORDERS if record.layout.of_kind(one))
     channels = list(record.layout.of_kind(kind))
     white = record.samples[:, channels] / np.where(noise[channels] > 0, noise[channels], 1.0)
     frequency = bandwidth(white, record.sample_rate, _ORDERS[kind])
-    average = weighting_function_for(frequency, record.sample_rate).stride
+    return weighting_function_for(frequency, record.sample_rate).stride
+
+
+def _statistics(fit: LikelihoodFit, average: int) -> ResidualStatistics:
+    """Gather the residuals of all records whose channels are the first one's."""
     statistics = ResidualStatistics(fit.residuals[0].shape[1], average)
     for residuals in fit.residuals:
         statistics.restart()
-        if residuals.shape[1] == fit.residuals[0].shape[1]:
+        if residuals.shape[1] == statistics.channels:
             statistics.add(residuals)
     return statistics
+
+
+def _force_noise(fit: LikelihoodFit, record: MeasuredRecord, average: int) -> ForceNoise:
+    """Study the effect of force noise on the first record."""
+    model, layout = fit.model, record.layout
+    noise = standard_deviations(record)
+    if not np.all(noise > 0):
+        return ForceNoise.none(len(model.estimated))
+    whitening = []
+    for kind, order in _ORDERS.items():
+        channels = list(layout.of_kind(kind))
+        if channels:
+            rows = sensor_matrix(model, tuple(layout.sensors[i] for i in channels))
+            whitening.append((order, rows / noise[channels][:, np.newaxis]))
+    observed = observe_force(model, layout)
+    to_exciters = np.linalg.pinv(model.excitation_directions)
+    # Of the exciters, from the cells: the way over the coordinates weighs several cells.
+    exciters = to_exciters.T @ observed.matrix
+    first = fit.first_samples[0]
+    force = record.samples[first:, list(observed.channels)] @ exciters.T
+    force = force[:LONGEST_FORCE_STUDY]
+    covariance = (exciters * noise[list(observed.channels)] ** 2) @ exciters.T
+    displacement, velocity = fit.initial_states[0]
+    return force_noise_effect(
+        model,
+        whitening,
+        force[np.isfinite(force).all(axis=1)],
+        covariance,
+        record.sample_rate,
+        (displacement, velocity),
+        average,
+    )
 
 
 def _sensor_parameter(unknown: SensorUnknown, records: Sequence[MeasuredRecord]) -> Parameter:

@@ -24,7 +24,7 @@ class LikelihoodSettings:
         The search ends with a step of this many standard errors (root mean square over the
         unknowns); what is left then is the square of it, or a thousandth [-].
     step_limit : float or None
-        Integration step times fastest eigenvalue; None: 1.2, and 0.3 for data without noise.
+        Integration step times fastest eigenvalue; None: 0.6, and 0.3 for data without noise.
     pieces : bool
         Begin with short pieces of the records, for a start far from the solution.
     keep_residuals : bool

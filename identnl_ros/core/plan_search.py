@@ -5,14 +5,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from identnl_ros.core.design import outlook, Outlook
+from identnl_ros.core.design import Outlook, outlook
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.layout import Layout
 from identnl_ros.core.model import Model
 from identnl_ros.core.plan import Plan
 import numpy as np
 
-# Plans whose durations differ by less than this are equally good: the gentler force decides.
+# Plans whose durations differ by this factor at most are equally good: the gentler force decides.
 ALIKE = 1.1
 
 
@@ -73,14 +73,17 @@ class Comparison:
         """
         The plan to advise.
 
-        The shortest of those that are not too strong; where several take about as long the
-        gentlest, of equals the first. Without any that meets the error, the one closest to it.
+        The shortest of those that are not too strong; where several take about as long, or no
+        longer than the longest cycle of all, the gentlest; of equals the first. Without any that
+        meets the error, the one closest to it.
         """
         advisable = [one for one in self.candidates if one.outlook.plan.advisable]
         advisable = advisable or list(self.candidates)
         shortest = min(one.needed for one in advisable)
         if np.isfinite(shortest):
-            alike = [one for one in advisable if one.needed <= ALIKE * shortest]
+            cycle = max(one.outlook.plan.cycle for one in self.candidates)
+            short = max(ALIKE * shortest, cycle)
+            alike = [one for one in advisable if one.needed <= short]
             return min(alike, key=lambda one: max(one.outlook.plan.amplitudes.values()))
         return min(advisable, key=_distance)
 
@@ -92,7 +95,7 @@ class Comparison:
     @property
     def met(self) -> bool:
         """Whether it does so within the duration allowed."""
-        return self.best.needed <= self.longest
+        return self.attainable and self.best.needed <= self.longest
 
 
 def compare(
@@ -147,7 +150,7 @@ def compare(
         raise MachineError(failures[0])
     candidates = [_candidate(one, wanted) for one in found]
     best = Comparison(wanted, longest, tuple(candidates)).best
-    place = candidates.index(best)
+    place = next(i for i, one in enumerate(candidates) if one is best)
     if best.needed < found[place].computed:
         candidates[place] = _confirmed(model, layout, best, wanted, found[place])
     return Comparison(wanted, longest, tuple(candidates), tuple(failures))

@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from identnl_ros.core.errors import IdentnlError, MachineError
+from identnl_ros.core.force_noise import force_noise_effect, ForceNoise
 from identnl_ros.core.information import Information
 from identnl_ros.core.model import Model
 from identnl_ros.core.motion_record import MotionRecord
@@ -44,6 +45,8 @@ KEPT = 2**15
 WORTH_A_PASS = 0.3
 # Second-order effects of a relative change this small are beyond double precision.
 NEGLIGIBLE = 1e-8
+# Samples on which the effect of force noise is studied at most.
+LONGEST_FORCE_STUDY = 2**13
 # A record shorter than this many test functions tells little more than its initial state.
 SHORTEST_RECORD = 2
 
@@ -57,12 +60,15 @@ class Noise:
     ----------
     covariances : tuple of 3 ndarray, shape (n, n)
         Of displacement, velocity, acceleration at one sample; NaN: to be estimated.
+    force : ndarray, shape (n_excitations, n_excitations)
+        Covariance of the force at one sample; zero where it is not known.
     derived : tuple of 3 bool
         Differentiated, at least partly, rather than measured.
 
     """
 
     covariances: tuple[Reals, Reals, Reals]
+    force: Reals
     derived: tuple[bool, bool, bool]
 
     def weigh(self, record: MotionRecord) -> WeighedRecord:
@@ -161,6 +167,7 @@ class Recursion:
         self.perfect = False
         self.fitted = 0
         self.statistics = ResidualStatistics(0, 1)
+        self.force_noise = ForceNoise.none(len(self.model.estimated))
         self.weighed: WeighedRecord | None = None
         # Complete runs, until there are too many samples to keep, and the one that still grows.
         self._kept: list[_Run] | None = []
@@ -285,6 +292,24 @@ class Recursion:
         self._gone_over = sum(len(run.record) for run in self._runs)
         self._reference = self.values
         self._move()
+        if self.started:
+            self._weigh_force_noise(max(runs, key=lambda run: len(run.record)))
+
+    def _weigh_force_noise(self, run: _Run) -> None:
+        """Find what noise of the measured force adds to the errors."""
+        whole = run.whole
+        if run.state is None:
+            return
+        with suppress(MachineError):
+            self.force_noise = force_noise_effect(
+                self.model,
+                whole.weights.matrices,
+                run.record.force[whole.first : whole.first + LONGEST_FORCE_STUDY],
+                run.noise.force,
+                run.record.sample_rate,
+                run.state,
+                whole.function.stride,
+            )
 
     def _advance(self, final: bool) -> bool:
         """Use the next chunk of the present run, if there is one."""

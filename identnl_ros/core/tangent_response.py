@@ -28,8 +28,8 @@ class TangentResponse:
     """
     Derivatives of a motion, advanced along with it.
 
-    Columns: the unknowns in the order of `Model.estimated`, then the initial displacements and
-    the initial velocities.
+    Columns: the unknowns in the order of `Model.estimated`, disturbances, then the initial
+    displacements and the initial velocities.
 
     Parameters
     ----------
@@ -37,13 +37,15 @@ class TangentResponse:
         At whose values the derivatives are taken.
     interval : float
         Between samples [s].
+    disturbances : int
+        Further forces whose response is wanted.
 
     """
 
-    def __init__(self, model: Model, interval: float) -> None:
+    def __init__(self, model: Model, interval: float, disturbances: int = 0) -> None:
         self._interval = interval
         n = len(model.coordinates)
-        self._unknowns = len(model.estimated)
+        self._unknowns = len(model.estimated) + disturbances
         columns = self._unknowns + 2 * n
         self._state = np.zeros((3, n, columns))
         self._state[0, :, self._unknowns : self._unknowns + n] = np.eye(n)
@@ -69,7 +71,13 @@ class TangentResponse:
         """Derivatives of displacement and velocity now, shape (2, n_coordinates, n_columns)."""
         return self._state[:2]
 
-    def advance(self, displacement: Reals, velocity: Reals, acceleration: Reals) -> Reals:
+    def advance(
+        self,
+        displacement: Reals,
+        velocity: Reals,
+        acceleration: Reals,
+        disturbance: Reals | None = None,
+    ) -> Reals:
         """
         Follow the motion over a number of samples.
 
@@ -78,6 +86,8 @@ class TangentResponse:
         displacement, velocity, acceleration : ndarray, shape (n_samples + 1, n_coordinates)
             Of the simulated motion, from the present instant on; the last one is where the
             next call goes on.
+        disturbance : ndarray, shape (n_samples + 1, n_coordinates, n_disturbances), or None
+            Generalised forces [N, N m].
 
         Returns
         -------
@@ -87,6 +97,8 @@ class TangentResponse:
         """
         model = self._model
         forcing = -self._derivatives.of_motion(displacement, velocity, acceleration)
+        if disturbance is not None:
+            forcing = np.concatenate((forcing, disturbance), axis=2)
         slopes, damping = line_slopes(model, displacement, velocity)
         stiffest = np.abs(slopes).max(axis=0)
         scale = 1 / np.sqrt(self._mass)

@@ -16,14 +16,15 @@ from identnl_ros.core.agreement import (
     ChannelComparison,
     exact_test,
     NoiseReference,
-    scale_test,
+    scale_tests,
     ScaleTest,
     STATED_DEGREES,
     StreamComparison,
 )
 from identnl_ros.core.errors import DataError, MachineError
+from identnl_ros.core.excitation import Signal
 from identnl_ros.core.layout import Layout
-from identnl_ros.core.likelihood_point import LikelihoodSettings, start_of
+from identnl_ros.core.likelihood_point import LikelihoodSettings, Point, start_of
 from identnl_ros.core.likelihood_record import PERFECT, prepare, PreparedRecord
 from identnl_ros.core.likelihood_search import search
 from identnl_ros.core.measured_force import measured_forces
@@ -31,7 +32,7 @@ from identnl_ros.core.measured_record import MeasuredRecord, standard_deviations
 from identnl_ros.core.model import Model
 from identnl_ros.core.noise import NoiseEstimate
 from identnl_ros.core.residual_sums import ResidualSums, SCALES
-from identnl_ros.core.sensitivity import STEP_LIMIT, VariedSimulation
+from identnl_ros.core.sensitivity import VariedSimulation
 from identnl_ros.core.sensor_prediction import SensorPrediction
 from identnl_ros.core.simulation import STEP_LIMIT as FINE_STEP_LIMIT
 import numpy as np
@@ -42,10 +43,15 @@ Reals = NDArray[np.float64]
 # The initial state is refined until it moves by this many standard errors, so often at most.
 SMALL_STEP = 0.05
 REFINEMENTS = 8
+FIRST_LENGTH = 256  # samples
+# Largest integration step times the fastest eigenvalue where the sensors have noise.
+NOISY_STEP_LIMIT = 0.6
 # Simulations with a noisy force, from which the effect of that noise is estimated.
 FORCE_DRAWS = 8
-# What a simulation under an interpolated force may be wrong by, relative to the motion.
-COMPUTATION = 1e-6
+# What a simulation under an interpolated force may be wrong by, relative to the motion; with
+# sensors without noise the integration takes shorter steps.
+COMPUTATION = 1e-5
+EXACT_COMPUTATION = 1e-6
 # Directions of the initial state that readings see less than this, squared, are left alone.
 UNSEEN = 1e-12
 # A tenth-order difference of white noise is worth this share of an independent sample.
@@ -133,6 +139,7 @@ class Validation:
         self._counts = np.zeros((len(SCALES), channels))
         self._deviation = np.full(channels, np.nan)
         self._perfect = np.zeros(channels, dtype=np.bool_)
+        self._limit = NOISY_STEP_LIMIT
         self._fast = NoiseEstimate(channels)
         self._signal = _Spread(channels)
         self._generator = np.random.default_rng(0)
@@ -164,13 +171,14 @@ class Validation:
         """
         prepared = prepare(self._held, record, self._prediction)
         self._learn_noise(record, prepared)
-        limit = FINE_STEP_LIMIT if self._perfect.any() else STEP_LIMIT
-        state = self._initial_state(prepared, limit)
-        noisy = [self._noisy_forces(record) for _ in range(self._draws)]
+        if self._perfect.any():
+            self._limit = FINE_STEP_LIMIT
+        state = self._initial_state(prepared)
+        others = [measured_forces(self._model, self._noisy(record)) for _ in range(self._draws)]
         own = 2 * len(self._model.coordinates)
         sums = ResidualSums(len(self._deviation), own + self._products.shape[-1])
         self._fast.restart()
-        for rows, valid, measured in self._columns(prepared, state, noisy, limit):
+        for rows, valid, measured in self._columns(prepared, state, others):
             sums.add(rows, valid)
             self._fast.add(np.where(valid, rows[:, :, -1], np.nan))
             self._signal.add(measured, valid)
@@ -181,7 +189,7 @@ class Validation:
         self._runs += 1
         self._samples += len(prepared.measured)
         if self._trace_samples and self.traces is None:
-            self.traces = self._traced(prepared, state, follow[:own, : self._root.shape[1]], limit)
+            self.traces = self._traced(prepared, state, follow[:own, : self._root.shape[1]])
 
     def comparison(self) -> StreamComparison:
         """
@@ -216,17 +224,34 @@ class Validation:
         deviation = standard_deviations(record)[list(self._sensors)]
         self._perfect[new] = deviation[new] == 0
 
-    def _initial_state(self, prepared: PreparedRecord, limit: float) -> Reals:
+    def _initial_state(self, prepared: PreparedRecord) -> Reals:
+        """
+        Fit the initial state alone, to longer and longer beginnings of the run.
+
+        Over a short time even a strongly nonlinear motion depends almost linearly on it.
+        """
+        total = len(prepared.measured)
+        length = FIRST_LENGTH
         point = start_of(self._held, [prepared], 0)
+        while True:
+            part = replace(
+                prepared, measured=prepared.measured[:length], weights=prepared.weights[:length]
+            )
+            point = self._refined(part, point)
+            if length >= total:
+                return point.states[0]
+            length = min(4 * length, total)
+
+    def _refined(self, prepared: PreparedRecord, point: Point) -> Point:
         settings = LikelihoodSettings()
         for _ in range(REFINEMENTS):
-            outcome = search(self._held, [prepared], point, settings, limit)
-            point = outcome.point
-            if outcome.step.size <= SMALL_STEP:
+            outcome = search(self._held, [prepared], point, settings, self._limit)
+            stays, point = outcome.point is point, outcome.point
+            if stays or outcome.step.size <= SMALL_STEP:
                 break
-        return point.states[0]
+        return point
 
-    def _noisy_forces(self, record: MeasuredRecord) -> MeasuredRecord:
+    def _noisy(self, record: MeasuredRecord) -> MeasuredRecord:
         """Add to the force what its sensors may have added."""
         noise = _noise_of_force(self._layout, standard_deviations(record))
         samples = record.samples.copy()
@@ -235,16 +260,16 @@ class Validation:
         return replace(record, samples=samples)
 
     def _simulation(
-        self, prepared: PreparedRecord, state: Reals, limit: float, sensitive: bool
+        self, prepared: PreparedRecord, state: Reals, sensitive: bool
     ) -> VariedSimulation:
         displacement, velocity = state.reshape(2, -1)
         return VariedSimulation(
             self._model, prepared.signals, 1 / self._rate, displacement.copy(), velocity.copy(),
-            start=prepared.first / self._rate, step_limit=limit, sensitive=sensitive,
+            start=prepared.first / self._rate, step_limit=self._limit, sensitive=sensitive,
         )  # fmt: skip
 
     def _columns(
-        self, prepared: PreparedRecord, state: Reals, noisy: list[MeasuredRecord], limit: float
+        self, prepared: PreparedRecord, state: Reals, forces: list[tuple[Signal, ...]]
     ) -> Iterator[tuple[Reals, NDArray[np.bool_], Reals]]:
         """
         Simulate chunk by chunk; all columns in units of the noise.
@@ -254,15 +279,14 @@ class Validation:
         """
         count, none = len(prepared.measured), np.empty(0)
         run = self._prediction.run
-        main = run(self._simulation(prepared, state, limit, sensitive=True), count, none)
+        main = run(self._simulation(prepared, state, sensitive=True), count, none)
         others = [
             run(
                 self._simulation(
-                    replace(prepared, signals=measured_forces(self._model, one)),
-                    state, limit, sensitive=False,
+                    replace(prepared, signals=one), state, sensitive=False
                 ), count, none,
             )
-            for one in noisy
+            for one in forces
         ]  # fmt: skip
         own = state.size
         # Channels without any reading keep their place.
@@ -283,12 +307,10 @@ class Validation:
             rows *= (valid / unit)[:, :, np.newaxis]
             yield rows, valid, measured
 
-    def _traced(
-        self, prepared: PreparedRecord, state: Reals, follow: Reals, limit: float
-    ) -> Traces:
+    def _traced(self, prepared: PreparedRecord, state: Reals, follow: Reals) -> Traces:
         """Simulate the beginning of a run once more, with the band."""
         count = min(self._trace_samples, len(prepared.measured))
-        simulation = self._simulation(prepared, state, limit, sensitive=True)
+        simulation = self._simulation(prepared, state, sensitive=True)
         readings, bands = [], []
         # What a late sensor shows needs the motion beyond.
         longer = min(len(prepared.measured), count + 2 * SCALES[-1])
@@ -321,6 +343,11 @@ class Validation:
             return NoiseReference(1.0, STATED_DEGREES)
         return NoiseReference(float(deviation**2), max(DIFFERENCE_DEGREES * float(count), 1.0))
 
+    def _computation(self, channel: int) -> float:
+        """Sum of squares of what the simulation may be wrong by, in units of the noise."""
+        error = COMPUTATION * self._signal.deviation[channel] / self._deviation[channel]
+        return float(self._counts[0, channel] * error**2)
+
     def _channel(self, channel: int) -> ChannelComparison:
         sensor = self._layout.sensors[self._sensors[channel]]
         products, counts = self._products[:, channel], self._counts[:, channel]
@@ -331,17 +358,26 @@ class Validation:
         unit = float(self._deviation[channel])
         band = self._root.shape[1]
         squares = np.diag(products[0]) / counts[0]
-        force = float(squares[band : band + self._draws].mean()) if self._draws else 0.0
+        drawn = squares[band:-1]
+        force = float(drawn.mean()) if self._draws else 0.0
         tests: tuple[ScaleTest, ...]
         if self._perfect[channel]:
             noise = 0.0
-            tests = (exact_test(products[0], counts[0], self._draws, COMPUTATION / PERFECT),)
+            tests = (exact_test(products[0], counts[0], self._draws, EXACT_COMPUTATION / PERFECT),)
         else:
             noise = 1.0 if stated else float(np.sqrt(self._reference(channel, 0).variance))
             tests = tuple(
-                scale_test(i, products[i], counts[i], self._draws, self._reference(channel, i))
+                test
                 for i in range(len(SCALES))
                 if counts[i]
+                for test in scale_tests(
+                    i,
+                    products[i],
+                    counts[i],
+                    self._draws,
+                    self._reference(channel, i),
+                    self._computation(channel),
+                )
             )
         return ChannelComparison(
             sensor,
@@ -357,8 +393,8 @@ class Validation:
 
     def _joint_tests(self) -> tuple[ScaleTest, ...]:
         """Test all noisy channels together: small differences in many of them add up."""
-        noisy = np.flatnonzero(~self._perfect & (self._counts[0] > 0))
-        result = []
+        noisy = np.flatnonzero(~self._perfect & (self._counts[0] > 0)).tolist()
+        result: list[ScaleTest] = []
         for level in range(len(SCALES)):
             references = {i: self._reference(i, level) for i in noisy}
             used = [i for i in noisy if references[i].variance > 0 and self._counts[level, i]]
@@ -370,7 +406,10 @@ class Validation:
             degrees = STATED_DEGREES if level == 0 else degrees
             count = float(self._counts[level, used].sum())
             reference = NoiseReference(1.0, degrees)
-            result.append(scale_test(level, np.asarray(products), count, self._draws, reference))
+            computed = sum(self._computation(i) / references[i].variance for i in used)
+            result += scale_tests(
+                level, np.asarray(products), count, self._draws, reference, computed
+            )
         return tuple(result)
 
 

@@ -20,6 +20,7 @@ from identnl_ros.core.unknowns import (
 )
 from identnl_ros.core.weak_state import WeakState
 import numpy as np
+from numpy.typing import NDArray
 
 
 class WeakIdentifier:
@@ -161,7 +162,7 @@ class WeakIdentifier:
         if arrival is not Arrival.IN_ORDER:
             self._recursion.close()
         self._noise_estimated |= block.noise_estimated
-        noise = _noise_of(block)
+        noise = _noise_of(block, self._model.excitation_directions)
         for number, record in enumerate(records_of(block, self._model.excitation_directions)):
             if number:
                 self._recursion.close()
@@ -191,7 +192,7 @@ class WeakIdentifier:
         information = recursion.information
         solution = information.solve()
         freedom = max(information.rows - information.size, 1.0)
-        verdict = verdict_on(recursion.statistics, recursion.fitted)
+        verdict = verdict_on(recursion.statistics, recursion.fitted, recursion.force_noise)
         if recursion.perfect:
             # Nothing is perfect to the last digit: no doubt about the model from that.
             variance = max(1.0, solution.residual_squares / freedom)
@@ -207,6 +208,7 @@ class WeakIdentifier:
             residual=float(np.sqrt(solution.residual_squares / freedom)),
             failure=recursion.failure,
             remarks=self._remarks(recursion),
+            force_noise=recursion.force_noise,
         )
 
     def simulated_model(self) -> Model | None:
@@ -236,7 +238,7 @@ class WeakIdentifier:
         return remarks
 
 
-def _noise_of(block: MotionBlock) -> Noise:
+def _noise_of(block: MotionBlock, directions: NDArray[np.float64]) -> Noise:
     # An estimate of the moment depends on how the stream was cut into blocks: not used.
     unknown = np.nan if block.noise_estimated else 0.0
     covariances = (
@@ -244,4 +246,6 @@ def _noise_of(block: MotionBlock) -> Noise:
         block.velocity_covariance + unknown,
         block.acceleration_covariance + unknown,
     )
-    return Noise(covariances, (False, block.velocity_derived, block.acceleration_derived))
+    to_exciters = np.linalg.pinv(directions)
+    force = np.nan_to_num(to_exciters.T @ block.force_covariance @ to_exciters)
+    return Noise(covariances, force, (False, block.velocity_derived, block.acceleration_derived))

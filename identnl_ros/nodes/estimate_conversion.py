@@ -3,11 +3,17 @@
 """Estimates as messages and back, to the last bit."""
 
 from identnl_msgs.msg import (
+    DeterminedCombination,
     ParameterEstimate as ParameterEstimateMessage,
     ParameterEstimateArray,
 )
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimate
+from identnl_ros.core.estimate import (
+    CombinationEstimate,
+    Estimate,
+    EstimateStatus,
+    ParameterEstimate,
+)
 from identnl_ros.nodes.conversions import doubles, to_header
 import numpy as np
 
@@ -60,7 +66,14 @@ def estimate_to_message(
         last_sample_index=last_index,
         residual=estimate.residual,
         condition_number=estimate.condition_number,
-        combinations=list(estimate.combinations),
+        combinations=[
+            DeterminedCombination(
+                in_words=one.in_words,
+                value=one.value,
+                standard_deviation=one.standard_deviation,
+            )
+            for one in estimate.combinations
+        ],
         notes=list(estimate.notes),
         stream_ended=stream_ended,
     )
@@ -99,7 +112,10 @@ def estimate_from_message(message: ParameterEstimateArray) -> Estimate:
         rejected_samples=message.samples_rejected,
         residual=message.residual,
         condition_number=message.condition_number,
-        combinations=tuple(message.combinations),
+        combinations=tuple(
+            CombinationEstimate(one.in_words, one.value, one.standard_deviation)
+            for one in message.combinations
+        ),
         notes=tuple(message.notes),
     )
 
@@ -111,6 +127,8 @@ def _parameter_to_message(parameter: ParameterEstimate) -> ParameterEstimateMess
         unit=parameter.unit,
         value=parameter.value,
         standard_deviation=parameter.standard_deviation,
+        lower=parameter.lower,
+        upper=parameter.upper,
         status=_STATUS_NUMBERS[parameter.status],
         note=parameter.note,
     )
@@ -130,4 +148,6 @@ def _parameter_from_message(message: ParameterEstimateMessage, where: str) -> Pa
         standard_deviation=message.standard_deviation,
         status=_STATUSES[message.status],
         note=message.note,
+        lower=message.lower,
+        upper=message.upper,
     )

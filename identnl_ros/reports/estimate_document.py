@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import math
 from typing import Any
 
-from identnl_ros.core.estimate import Estimate
+from identnl_ros.core.estimate import Estimate, EstimateStatus
 
 
 def estimate_document(estimate: Estimate, truth: Mapping[str, float]) -> dict[str, Any]:
@@ -33,6 +33,8 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float]) -> dict[st
             'unit': parameter.unit,
             'value': number(parameter.value),
             'standard_deviation': number(parameter.standard_deviation),
+            'interval': [number(parameter.lower), number(parameter.upper)],
+            'identifiable': parameter.status is not EstimateStatus.NOT_IDENTIFIABLE,
             'status': parameter.status.value,
         }
         if parameter.note:
@@ -41,6 +43,7 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float]) -> dict[st
             entry['true_value'] = number(truth[parameter.name])
         parameters.append(entry)
     return {
+        'trusted': all(one.status is EstimateStatus.OK for one in estimate.parameters),
         'estimator': estimate.estimator,
         'parameters': parameters,
         'covariance': [[number(value) for value in row] for row in estimate.covariance.tolist()],
@@ -48,7 +51,14 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float]) -> dict[st
         'rejected_samples': estimate.rejected_samples,
         'residual': number(estimate.residual),
         'condition_number': number(estimate.condition_number),
-        'combinations': list(estimate.combinations),
+        'combinations': [
+            {
+                'combination': one.in_words,
+                'value': number(one.value),
+                'standard_deviation': number(one.standard_deviation),
+            }
+            for one in estimate.combinations
+        ],
         'notes': list(estimate.notes),
     }
 

@@ -14,6 +14,11 @@ from rich.table import Table
 
 _STIFFNESS_SYMBOLS = ('a_', 'k')
 _DAMPING_SYMBOLS = ('h_', 'c')
+_RESIDUALS = {
+    'pointwise': 'relative residual',
+    'weak': 'residual over noise',
+    'likelihood': 'residual over noise',
+}
 
 
 def show_estimate(estimate: Estimate, truth: Mapping[str, float], console: Console) -> None:
@@ -32,14 +37,19 @@ def show_estimate(estimate: Estimate, truth: Mapping[str, float], console: Conso
         console.print(table)
     console.print(
         f'{estimate.estimator} estimator: {estimate.samples} samples used, '
-        f'{estimate.rejected_samples} rejected, relative residual {estimate.residual:.3g}, '
+        f'{estimate.rejected_samples} rejected, {_RESIDUALS[estimate.estimator]} '
+        f'{estimate.residual:.3g}, '
         f'condition number {estimate.condition_number:.3g}'
     )
     for parameter in estimate.parameters:
         if parameter.note:
             console.print(f'{parameter.name}: {parameter.note}', markup=False)
     for combination in estimate.combinations:
-        console.print(f'The data determine only {combination}.', markup=False)
+        console.print(
+            f'The data determine only {combination.in_words} = {combination.value:.6g} '
+            f'(std error {combination.standard_deviation:.2g}).',
+            markup=False,
+        )
     for number, note in enumerate(estimate.notes, start=1):
         console.print(f'[{number}] {note}', markup=False)
 
@@ -81,7 +91,7 @@ def _table(title: str, parameters: list[ParameterEstimate], truth: Mapping[str, 
     )
     table.add_column('parameter', no_wrap=True)
     table.add_column('unit', no_wrap=True)
-    for heading in (*(('actual',) if truth else ()), 'identified', 'std error', 'SI value'):
+    for heading in (*(('actual',) if truth else ()), 'identified', '95 % interval', 'SI value'):
         table.add_column(heading, justify='right', no_wrap=True)
     table.add_column('status', no_wrap=True)
     # As in the paper: one kind of parameter after the other, joint by joint.
@@ -93,13 +103,24 @@ def _table(title: str, parameters: list[ParameterEstimate], truth: Mapping[str, 
         if truth:
             cells.append(_significant(truth.get(parameter.name, math.nan) / unit.size, 6))
         cells.append(_significant(parameter.value / unit.size, 6))
-        cells.append(_significant(parameter.standard_deviation / unit.size, 3))
+        cells.append(_interval(parameter, unit.size))
         cells.append(_significant(parameter.value, 5))
         ok = parameter.status is EstimateStatus.OK
         status = parameter.status.value.replace('_', ' ')
         cells.append(status if ok else f'[bold red]{status}[/]')
         table.add_row(*cells)
     return table
+
+
+def _interval(parameter: ParameterEstimate, size: float) -> str:
+    """Half-width of a symmetric interval, both ends of another."""
+    low, high = parameter.lower / size, parameter.upper / size
+    if math.isnan(low) or math.isnan(high):
+        return '-'
+    half = (high - low) / 2
+    if abs((low + high) / 2 - parameter.value / size) <= 1e-6 * half:
+        return f'± {half:.2g}'
+    return f'{low:.3g} … {high:.3g}'
 
 
 def _symbol(parameter: ParameterEstimate) -> str:

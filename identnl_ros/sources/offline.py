@@ -1,47 +1,89 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Identification from a bag: the nodes' code without the nodes."""
+"""Identification from bags: the nodes' code without the nodes."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 from identnl_ros.core.assembly import assemble
-from identnl_ros.core.errors import DataError, IdentnlError
+from identnl_ros.core.continuity import Arrival, StreamFollower
+from identnl_ros.core.errors import DataError, LayoutError
 from identnl_ros.core.estimate import Estimate
-from identnl_ros.core.identifier import Identifier, identifier_for
+from identnl_ros.core.identifier import identifier_for
+from identnl_ros.core.layout import SensorKind
+from identnl_ros.core.likelihood_estimate import likelihood_estimate
 from identnl_ros.core.machine import Machine
+from identnl_ros.core.measured_record import MeasuredRecord
 from identnl_ros.core.model import Model
+from identnl_ros.core.sensor_unknown import sensor_unknown
 from identnl_ros.core.transform import MotionTransform
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine
+import numpy as np
+from numpy.typing import NDArray
+
+# Shorter runs between gaps hardly say more than their own initial state.
+SHORTEST_RUN = 512
+
+
+@dataclass
+class Losses:
+    """
+    What of the bags could not be used.
+
+    Parameters
+    ----------
+    samples : int
+        Missing between the blocks, by their running index.
+    blocks : int
+        Repeated, late or from another source.
+    readings : dict of str to int
+        Samples without a valid reading, by channel.
+    problems : list of str
+        Damage found in the bags, in sentences.
+
+    """
+
+    samples: int = 0
+    blocks: int = 0
+    readings: dict[str, int] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+
+    def add(self, transform: MotionTransform) -> None:
+        """
+        Count what a transform has left out.
+
+        Parameters
+        ----------
+        transform : MotionTransform
+
+        """
+        follower = transform.follower
+        self.samples += follower.lost_samples
+        self.blocks += follower.repeated_blocks + follower.foreign_blocks
+        for name, count in transform.counts.samples_without_reading.items():
+            self.readings[name] = self.readings.get(name, 0) + count
 
 
 @dataclass(frozen=True)
 class BagIdentification:
     """
-    Result of identifying a bag.
+    Result of identifying bags.
 
     Parameters
     ----------
     machine : Machine
     estimate : Estimate
-    lost_samples : int
-        Missing between the blocks, by their running index.
-    unusable_blocks : int
-        Repeated, late or from another source.
-    readings_missing : dict of str to int
-        Samples without a valid reading, by channel.
-    problems : tuple of str
-        Damage found in the bag, in sentences.
+    losses : Losses
 
     """
 
     machine: Machine
     estimate: Estimate
-    lost_samples: int
-    unusable_blocks: int
-    readings_missing: dict[str, int]
-    problems: tuple[str, ...]
+    losses: Losses
 
 
 def machine_of_bag(bag: Bag, machine_path: Path | None = None) -> Machine:
@@ -75,19 +117,25 @@ def machine_of_bag(bag: Bag, machine_path: Path | None = None) -> Machine:
     return read_machine(text, f'machine file in {bag.path}')
 
 
-def identify_bag(
-    path: Path, machine_path: Path | None = None, estimator: str = 'weak'
+def identify_bags(
+    paths: Sequence[Path],
+    machine_path: Path | None = None,
+    estimator: str = 'weak',
+    sensor_unknowns: Sequence[str] = (),
 ) -> BagIdentification:
     """
-    Identify a machine from all samples of a bag.
+    Identify a machine from all samples of some bags.
 
     Parameters
     ----------
-    path : Path
+    paths : sequence of Path
+        Of the same machine.
     machine_path : Path or None
-        A machine file; None: the one that the bag carries.
+        A machine file; None: the one that the first bag carries.
     estimator : str
-        ``weak`` or ``pointwise``.
+        ``weak``, ``pointwise`` or ``likelihood``.
+    sensor_unknowns : sequence of str
+        For the likelihood only: what else to estimate, e.g. ``acceleration.delay``.
 
     Returns
     -------
@@ -96,49 +144,100 @@ def identify_bag(
     Raises
     ------
     IdentnlError
-        If bag or machine file cannot be used, or they do not fit each other.
+        If a bag or the machine file cannot be used, or they do not fit each other.
 
     """
-    bag = open_bag(path)
-    model = assemble(machine_of_bag(bag, machine_path))
+    bags = [open_bag(path) for path in paths]
+    model = assemble(machine_of_bag(bags[0], machine_path))
+    losses = Losses()
+    if estimator == 'likelihood':
+        estimate = _likelihood(bags, model, sensor_unknowns, losses)
+    else:
+        if sensor_unknowns:
+            raise DataError(
+                f'unknown {sensor_unknowns[0]}: the {estimator} estimator takes the sensors as '
+                'the layout describes them; use --estimator likelihood'
+            )
+        estimate = _streamed(bags, model, estimator, losses)
+    for bag in bags:
+        losses.problems += bag.problems
+    return BagIdentification(model.machine, estimate, losses)
+
+
+def _streamed(bags: Sequence[Bag], model: Model, estimator: str, losses: Losses) -> Estimate:
     identifier = identifier_for(model, estimator)
-    transforms = [
-        _identify_stream(bag, stream.stream_id, model, identifier) for stream in bag.streams
-    ]
+    for bag in bags:
+        for stream in bag.streams:
+            with _fitting(bag, model):
+                transform = MotionTransform(model, stream.layout, stream.sample_rate)
+            for block in bag.blocks(stream.stream_id):
+                motion = transform.add(block)
+                if motion is not None:
+                    identifier.add(motion)
+            identifier.end_stream()
+            losses.add(transform)
     if identifier.samples + identifier.rejected == 0:
         raise DataError(
-            f'{path}: the bag is too short; no sample has the neighbours that its derivatives need'
+            f'{bags[0].path}: the bag is too short; no sample has the neighbours that its '
+            'derivatives need'
         )
-    missing: dict[str, int] = {}
-    for transform in transforms:
-        for name, count in transform.counts.samples_without_reading.items():
-            missing[name] = missing.get(name, 0) + count
-    followers = [transform.follower for transform in transforms]
-    return BagIdentification(
-        machine=model.machine,
-        estimate=identifier.estimate(),
-        lost_samples=sum(follower.lost_samples for follower in followers),
-        unusable_blocks=sum(
-            follower.repeated_blocks + follower.foreign_blocks for follower in followers
-        ),
-        readings_missing=missing,
-        problems=tuple(bag.problems),
+    return identifier.estimate()
+
+
+def _likelihood(
+    bags: Sequence[Bag], model: Model, sensor_unknowns: Sequence[str], losses: Losses
+) -> Estimate:
+    unknowns = tuple(
+        sensor_unknown(label, [stream.layout for bag in bags for stream in bag.streams])
+        for label in sensor_unknowns
     )
+    records = [record for bag in bags for record in _records(bag, losses)]
+    if not records:
+        raise DataError(
+            f'{bags[0].path}: no run of samples without a gap is long enough to be simulated'
+        )
+    with _fitting(bags[0], model):
+        return likelihood_estimate(model, records, unknowns)
 
 
-def _identify_stream(
-    bag: Bag, stream_id: int, model: Model, identifier: Identifier
-) -> MotionTransform:
-    description = next(stream for stream in bag.streams if stream.stream_id == stream_id)
+def _records(bag: Bag, losses: Losses) -> Iterator[MeasuredRecord]:
+    """Cut a bag at its gaps, and where the force is missing."""
+    for stream in bag.streams:
+        follower = StreamFollower()
+        parts: list[NDArray[np.float64]] = []
+        runs: list[NDArray[np.float64]] = []
+        for block in bag.blocks(stream.stream_id):
+            arrival = follower.accept(
+                block.stream_id, block.first_index, block.next_index, block.last
+            )
+            if not arrival.usable:
+                continue
+            if arrival is not Arrival.IN_ORDER and parts:
+                runs.append(np.concatenate(parts))
+                parts = []
+            parts.append(block.samples)
+        if parts:
+            runs.append(np.concatenate(parts))
+        losses.samples += follower.lost_samples
+        losses.blocks += follower.repeated_blocks + follower.foreign_blocks
+        forces = list(stream.layout.of_kind(SensorKind.FORCE))
+        for run in runs:
+            for number, sensor in enumerate(stream.layout.sensors):
+                if lost := int(np.isnan(run[:, number]).sum()):
+                    losses.readings[sensor.name] = losses.readings.get(sensor.name, 0) + lost
+            missing = np.flatnonzero(~np.isfinite(run[:, forces]).all(axis=1))
+            for first, end in pairwise([-1, *missing.tolist(), len(run)]):
+                if end - first - 1 >= SHORTEST_RUN:
+                    part = run[first + 1 : end]
+                    yield MeasuredRecord(stream.layout, stream.sample_rate, part)
+
+
+@contextmanager
+def _fitting(bag: Bag, model: Model) -> Iterator[None]:
+    """Say which bag and machine do not fit each other."""
     try:
-        transform = MotionTransform(model, description.layout, description.sample_rate)
-    except IdentnlError as error:
-        raise type(error)(
+        yield
+    except LayoutError as error:
+        raise LayoutError(
             f'{bag.path} does not fit machine {model.machine.name}: {error}'
         ) from None
-    for block in bag.blocks(stream_id):
-        motion = transform.add(block)
-        if motion is not None:
-            identifier.add(motion)
-    identifier.end_stream()
-    return transform

@@ -110,7 +110,10 @@ def plan(
         excitation=excitation.value,
         signals=excitation_signals(points, as_set),
         amplitudes={point.name: point.amplitude for point in points},
-        band=(min((low for low, _ in bands), default=0), max((top for _, top in bands), default=0)),
+        band=(
+            min((low for low, _ in bands), default=0),
+            max((top for _, top in bands), default=0),
+        ),
         cycle=_cycle(points, run),
         sample_rate=settings.sample_rate,
         duration=duration,
@@ -153,7 +156,7 @@ def plans_to_compare(
         raise DataError(
             f'plan: largest amplitude is {largest_amplitude} N, expected a positive number'
         )
-    factors = FACTORS if settings.amplitude is None else (1.0,)
+    factors: tuple[float, ...] = FACTORS if settings.amplitude is None else (1.0,)
     if largest_amplitude is not None:
         strongest = max(
             (settings.amplitude or point.amplitude for point in machine.excitations), default=1.0

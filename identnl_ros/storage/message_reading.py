@@ -10,7 +10,12 @@ from typing import TypeVar
 
 from identnl_ros.core.blocks import NANOSECONDS, SampleBlock
 from identnl_ros.core.errors import DataError, LayoutError
-from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimate
+from identnl_ros.core.estimate import (
+    CombinationEstimate,
+    Estimate,
+    EstimateStatus,
+    ParameterEstimate,
+)
 from identnl_ros.core.layout import Layout, Sensor, SensorKind
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
@@ -213,7 +218,10 @@ def estimate_from_message(topic: str, message: SimpleNamespace) -> RecordedEstim
             rejected_samples=message.samples_rejected,
             residual=message.residual,
             condition_number=message.condition_number,
-            combinations=tuple(message.combinations),
+            combinations=tuple(
+                CombinationEstimate(one.in_words, one.value, one.standard_deviation)
+                for one in message.combinations
+            ),
             notes=tuple(message.notes),
         ),
     )
@@ -253,6 +261,8 @@ def _parameter(message: SimpleNamespace) -> ParameterEstimate:
         status=_by_constant(message, 'STATUS_', message.status, EstimateStatus)
         or EstimateStatus.UNKNOWN,
         note=message.note,
+        lower=message.lower,
+        upper=message.upper,
     )
 
 

@@ -401,10 +401,13 @@ def test_faces_on_one_line_of_action_are_told_apart_but_for_their_normal_damping
     layout = complete_layout(machine)
     samples = record(model, layout, 0.5, amplitude=100.0, band=(10.0, 300.0), rate=1e4)
     estimate = identified(forgetful(model), layout, blocks_of(samples, 1e4))
-    assert estimate.combinations == (
-        'left.normal_hysteretic_damping + right.normal_hysteretic_damping',
+    (combination,) = estimate.combinations
+    assert combination.in_words == (
+        'left.normal_hysteretic_damping + right.normal_hysteretic_damping'
     )
     truth = dict(zip((p.name for p in estimate.parameters), truth_of(model), strict=True))
+    total = sum(value for name, value in truth.items() if 'normal_hysteretic' in name)
+    assert combination.value == pytest.approx(total, rel=1e-8)
     for index, parameter in enumerate(estimate.parameters):
         if 'normal_hysteretic' in parameter.name:
             assert parameter.status is EstimateStatus.NOT_IDENTIFIABLE

@@ -7,7 +7,12 @@ from dataclasses import fields, replace
 
 from identnl_ros.core.blocks import MotionBlock, SampleBlock
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimate
+from identnl_ros.core.estimate import (
+    CombinationEstimate,
+    Estimate,
+    EstimateStatus,
+    ParameterEstimate,
+)
 import numpy as np
 import pytest
 
@@ -112,7 +117,7 @@ def test_estimate_returns_to_the_last_bit(random):
         rejected_samples=3,
         residual=float('nan'),
         condition_number=float('inf'),
-        combinations=('a + b',),
+        combinations=(CombinationEstimate('a + b', 3.0, 0.5),),
         notes=('one', 'two'),
     )
     message = estimate_to_message(

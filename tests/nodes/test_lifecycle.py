@@ -72,7 +72,7 @@ def test_failed_configuration_is_told_in_a_sentence(start, watcher, tmp_path):
         ('sensor_bridge', {}, 'parameter machine_file is empty'),
         ('sensor_bridge', {'source': 'radio'}, 'expected one of: simulated, bag'),
         ('sensor_bridge', {'source': 'bag', 'bag': 'nowhere'}, 'nowhere'),
-        ('identifier', {'estimator': 'magic'}, 'expected one of: pointwise'),
+        ('identifier', {'estimator': 'magic'}, 'expected one of: weak, pointwise'),
         ('transform', {'machine_file': 'nowhere.yaml'}, 'nowhere.yaml'),
         ('sensor_bridge', {'duration': 5}, 'with a point, e.g. 2.0'),
         ('sensor_bridge', {'duration': -5.0}, 'out of its range'),

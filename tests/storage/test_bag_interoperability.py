@@ -12,7 +12,7 @@ import sys
 
 from identnl_ros.core.blocks import SampleBlock
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.estimate import EstimateStatus
+from identnl_ros.core.estimate import CombinationEstimate, EstimateStatus
 from identnl_ros.storage.bag_reader import open_bag, read_estimates
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.cdr import MessageDecoder
@@ -311,6 +311,8 @@ def test_estimates_come_back(tmp_path):
         unit='N/m^2',
         value=1.5e9,
         standard_deviation=2e6,
+        lower=1.4e9,
+        upper=1.6e9,
         status=3,
         note='noisy',
     )
@@ -326,7 +328,11 @@ def test_estimates_come_back(tmp_path):
         last_sample_index=102,
         residual=0.25,
         condition_number=3.0,
-        combinations=['a + b'],
+        combinations=[
+            types['identnl_msgs/msg/DeterminedCombination'](
+                in_words='a + b', value=3.0, standard_deviation=0.5
+            )
+        ],
         notes=['a remark'],
         stream_ended=True,
     )
@@ -342,7 +348,8 @@ def test_estimates_come_back(tmp_path):
     assert one.status is EstimateStatus.NOISE_LIMITED
     assert found.estimate.covariance.tolist() == [[4e12]]
     assert (found.estimate.samples, found.estimate.rejected_samples) == (100, 3)
-    assert found.estimate.combinations == ('a + b',)
+    assert (one.lower, one.upper) == (1.4e9, 1.6e9)
+    assert found.estimate.combinations == (CombinationEstimate('a + b', 3.0, 0.5),)
 
 
 def test_reading_imports_no_other_bag_library(tmp_path):

@@ -1,0 +1,90 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Uninterrupted runs of the streams of a bag, as long as memory allows."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from identnl_ros.core.continuity import Arrival, StreamFollower
+from identnl_ros.core.layout import Layout
+from identnl_ros.core.measured_force import LONGEST_GAP
+from identnl_ros.storage.bag_reader import Bag
+from identnl_ros.storage.stand_description import StandDescription
+import numpy as np
+from numpy.typing import NDArray
+
+# Samples of a run; longer ones are divided.
+LONGEST_RUN = 2**16
+# Shorter ones tell too little beside the initial state that each of them needs.
+SHORTEST_RUN = 256
+
+
+@dataclass
+class BagRuns:
+    """
+    The runs of one stream.
+
+    Parameters
+    ----------
+    bag : Bag
+    stream : StandDescription
+
+    """
+
+    bag: Bag
+    stream: StandDescription
+    left_out: int = 0
+    """Samples in runs that are too short, or without a force; complete after `runs` has ended."""
+    follower: StreamFollower = field(default_factory=StreamFollower)
+
+    def runs(self) -> Iterator[NDArray[np.float64]]:
+        """
+        Yield the samples of every run.
+
+        Yields
+        ------
+        ndarray, shape (n_samples, n_channels)
+            The force is known all along, but for gaps that can be bridged [SI].
+
+        """
+        parts: list[NDArray[np.float64]] = []
+        count = 0
+        for block in self.bag.blocks(self.stream.stream_id):
+            arrival = self.follower.accept(
+                block.stream_id, block.first_index, block.next_index, block.last
+            )
+            if not arrival.usable:
+                continue
+            if arrival is Arrival.AFTER_GAP or count + len(block.samples) > LONGEST_RUN:
+                yield from self._with_force(parts)
+                parts, count = [], 0
+            parts.append(block.samples)
+            count += len(block.samples)
+        yield from self._with_force(parts)
+
+    def _with_force(self, parts: list[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
+        if not parts:
+            return
+        samples = np.concatenate(parts)
+        lost = _without_force(self.stream.layout, samples)
+        edges = np.flatnonzero(np.diff(np.concatenate(([True], lost, [True])).astype(np.int8)))
+        pieces = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        joined: list[tuple[int, int]] = []
+        for begin, end in pieces:
+            if joined and begin - joined[-1][1] <= LONGEST_GAP:
+                joined[-1] = joined[-1][0], end
+            else:
+                joined.append((begin, end))
+        used = [(begin, end) for begin, end in joined if end - begin >= SHORTEST_RUN]
+        self.left_out += len(samples) - sum(end - begin for begin, end in used)
+        for begin, end in used:
+            yield samples[begin:end]
+
+
+def _without_force(layout: Layout, samples: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Find the samples at which no cell measures some excitation."""
+    lost = np.zeros(len(samples), dtype=np.bool_)
+    for excitation in {sensor.excitation for sensor in layout.sensors} - {''}:
+        cells = [i for i, one in enumerate(layout.sensors) if one.excitation == excitation]
+        lost |= ~np.isfinite(samples[:, cells]).any(axis=1)
+    return lost

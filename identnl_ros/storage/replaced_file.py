@@ -1,0 +1,50 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Text files that are either complete or not there."""
+
+from collections.abc import Iterable
+from contextlib import suppress
+import os
+from pathlib import Path
+import tempfile
+
+from identnl_ros.core.errors import DataError
+
+
+def write_text(path: Path, parts: Iterable[str]) -> None:
+    """
+    Write a text file; one of this name is replaced only when the new one is complete.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder is made if need be.
+    parts : iterable of str
+
+    Raises
+    ------
+    DataError
+        If it cannot be written.
+
+    """
+    part = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
+        part = Path(name)
+        with os.fdopen(descriptor, 'w', encoding='utf-8') as stream:
+            stream.writelines(parts)
+            stream.flush()
+            os.fsync(stream.fileno())
+        part.chmod(0o644)
+        part.replace(path)
+    except BaseException as error:
+        if part is not None:
+            with suppress(OSError):
+                part.unlink()
+        if isinstance(error, OSError):
+            raise DataError(
+                f'{path} cannot be written: {error.strerror or error}; '
+                'check the folder, its permissions and the space left'
+            ) from None
+        raise

@@ -5,6 +5,7 @@
 # make demo     the demonstration
 # make test     all tests; arguments for pytest: make test TESTS='tests/core -k contact'
 # make bench    the benchmarks against peers
+# make study    the Monte-Carlo studies; tables go to studies/results (hours)
 # make lint     ruff and mypy
 # make lock     renew requirements.lock from setup.py and requirements.in
 # make clean    remove .venv and what builds and tests leave behind
@@ -37,7 +38,7 @@ ifdef _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE LD_LIBRARY_PATH
 endif
 
-.PHONY: setup demo test bench lint lock clean
+.PHONY: setup demo test bench study lint lock clean
 .DELETE_ON_ERROR:
 
 setup: $(INSTALLED) $(MESSAGES)
@@ -50,6 +51,10 @@ test: setup
 
 bench: setup
 	@$(BIN)/python benchmarks/run.py
+
+study: setup
+	@$(BIN)/python studies/noise.py --estimator weak --runs 1000
+	@$(BIN)/python studies/noise.py --estimator likelihood --runs 200
 
 lint: setup
 	$(BIN)/ruff check

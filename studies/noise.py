@@ -355,7 +355,7 @@ def details(outcome: Outcome) -> str:
 @click.command()
 @click.option('--estimator', default='weak', show_default=True)
 @click.option('--runs', default=1000, show_default=True)
-@click.option('--duration', default=0.5, show_default=True, help='Of the data of a run [s].')
+@click.option('--duration', default=0.3, show_default=True, help='Of the data of a run [s].')
 @click.option('--processes', default=2, show_default=True)
 @click.option('--level', 'levels', multiple=True, type=click.Choice([str(one) for one in LEVELS]))
 @click.option('--excitation', 'excitations', multiple=True, type=click.Choice(EXCITATIONS))

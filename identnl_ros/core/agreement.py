@@ -74,8 +74,9 @@ class ChannelComparison:
     band : float
         Standard deviation of the simulated signal from that of the parameters, root mean square
         over time, the initial state being fitted anew [SI].
-    force_noise : float
-        The same, from the noise of the force sensors [SI].
+    spread : float
+        The same, from the noise of the force sensors and from what is not linear in the errors
+        of the parameters [SI].
     tests : tuple of ScaleTest
 
     """
@@ -87,7 +88,7 @@ class ChannelComparison:
     noise: float
     noise_stated: bool
     band: float
-    force_noise: float
+    spread: float
     tests: tuple[ScaleTest, ...]
 
     @property
@@ -108,7 +109,7 @@ class ChannelComparison:
     @property
     def expected(self) -> float:
         """Error expected of a right model: all that it allows for together [SI]."""
-        return float(np.linalg.norm((self.noise, self.band, self.force_noise)))
+        return float(np.linalg.norm((self.noise, self.band, self.spread)))
 
     @property
     def worst(self) -> ScaleTest | None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 # biased estimates by half a standard error where sensors are ten times quieter than usual.
 STEP_LIMIT = 0.6
 CHUNK = 256  # samples
+LARGEST_STEPS = 1024  # per sample: faster motion is no measurement's
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,13 @@ class VariedSimulation:
     def _steps_for(self, displacements: NDArray[np.float64]) -> int:
         matrix = stiffest_state_matrix(self.model, displacements)
         fastest = float(np.abs(np.linalg.eigvals(matrix)).max())
-        return max(1, int(np.ceil(self.interval * fastest / self.step_limit)))
+        steps = self.interval * fastest / self.step_limit
+        if steps > LARGEST_STEPS:
+            raise MachineError(
+                f'machine {self.model.machine.name}: {fastest:.3g} rad/s is too fast to be '
+                f'followed at intervals of {self.interval:.3g} s'
+            )
+        return max(1, int(np.ceil(steps)))
 
     def _require_bounded(self, displacements: NDArray[np.float64]) -> None:
         finite = np.asarray(np.isfinite(displacements).all(axis=(1, 2)))

@@ -46,8 +46,11 @@ REFINEMENTS = 8
 FIRST_LENGTH = 256  # samples
 # Largest integration step times the fastest eigenvalue where the sensors have noise.
 NOISY_STEP_LIMIT = 0.6
-# Simulations with a noisy force, from which the effect of that noise is estimated.
-FORCE_DRAWS = 8
+# Simulations with noise in the force and errors of the parameters, from which it is estimated
+# what the first and the part of the second that is not linear do.
+DRAWS = 8
+# Errors of parameters in these simulations, relative to their values, at most.
+LARGEST_ERROR = 0.5
 # What a simulation under an interpolated force may be wrong by, relative to the motion; with
 # sensors without noise the integration takes shorter steps.
 COMPUTATION = 1e-5
@@ -82,6 +85,15 @@ class Traces:
     measured: Reals
     simulated: Reals
     band: Reals
+
+
+@dataclass(frozen=True)
+class _Draw:
+    """A force and a model that could be the true ones; `parts` of the error, as in the root."""
+
+    signals: tuple[Signal, ...]
+    model: Model
+    parts: Reals
 
 
 class Validation:
@@ -133,7 +145,8 @@ class Validation:
         channels = len(self._prediction.channels)
         if not channels:
             raise DataError('layout: no sensor of motion; there is nothing to compare with')
-        self._draws = 0 if _noise_of_force(layout) is None else FORCE_DRAWS
+        certain = _noise_of_force(layout) is None and not self._root.any()
+        self._draws = 0 if certain else DRAWS
         size = self._root.shape[1] + self._draws + 1
         self._products = np.zeros((len(SCALES), channels, size, size))
         self._counts = np.zeros((len(SCALES), channels))
@@ -174,7 +187,7 @@ class Validation:
         if self._perfect.any():
             self._limit = FINE_STEP_LIMIT
         state = self._initial_state(prepared)
-        others = [measured_forces(self._model, self._noisy(record)) for _ in range(self._draws)]
+        others = [self._drawn(record) for _ in range(self._draws)]
         own = 2 * len(self._model.coordinates)
         sums = ResidualSums(len(self._deviation), own + self._products.shape[-1])
         self._fast.restart()
@@ -259,23 +272,37 @@ class Validation:
             samples += noise * self._generator.standard_normal(samples.shape)
         return replace(record, samples=samples)
 
+    def _drawn(self, record: MeasuredRecord) -> _Draw:
+        """Draw noise of the force and errors of the parameters."""
+        signals = measured_forces(self._model, self._noisy(record))
+        parts = self._generator.standard_normal(self._root.shape[1])
+        values = self._model.values[list(self._model.estimated)]
+        errors = np.abs(self._root @ parts)
+        free = (errors > 0) & (values != 0)
+        # Values that no machine has tell nothing.
+        parts *= min(
+            1.0, LARGEST_ERROR / np.max(errors[free] / np.abs(values[free]), initial=LARGEST_ERROR)
+        )
+        return _Draw(signals, self._model.with_unknowns(values + self._root @ parts), parts)
+
     def _simulation(
-        self, prepared: PreparedRecord, state: Reals, sensitive: bool
+        self, prepared: PreparedRecord, state: Reals, sensitive: bool, model: Model | None = None
     ) -> VariedSimulation:
         displacement, velocity = state.reshape(2, -1)
         return VariedSimulation(
-            self._model, prepared.signals, 1 / self._rate, displacement.copy(), velocity.copy(),
+            model or self._model, prepared.signals, 1 / self._rate,
+            displacement.copy(), velocity.copy(),
             start=prepared.first / self._rate, step_limit=self._limit, sensitive=sensitive,
         )  # fmt: skip
 
     def _columns(
-        self, prepared: PreparedRecord, state: Reals, forces: list[tuple[Signal, ...]]
+        self, prepared: PreparedRecord, state: Reals, draws: list[_Draw]
     ) -> Iterator[tuple[Reals, NDArray[np.bool_], Reals]]:
         """
         Simulate chunk by chunk; all columns in units of the noise.
 
         They are: by the initial state, by the independent parts of the parameters' errors, what
-        each noisy force changes, the residual.
+        each draw changes beyond what is linear in its errors of the parameters, the residual.
         """
         count, none = len(prepared.measured), np.empty(0)
         run = self._prediction.run
@@ -283,10 +310,10 @@ class Validation:
         others = [
             run(
                 self._simulation(
-                    replace(prepared, signals=one), state, sensitive=False
+                    replace(prepared, signals=one.signals), state, False, one.model
                 ), count, none,
             )
-            for one in forces
+            for one in draws
         ]  # fmt: skip
         own = state.size
         # Channels without any reading keep their place.
@@ -295,11 +322,16 @@ class Validation:
             place = slice(part.first, part.first + len(part.readings))
             valid = prepared.weights[place] > 0
             measured = prepared.measured[place]
+            varied = part.derivatives[:, :, own:] @ self._root
+            changes = (
+                one.readings - part.readings - varied @ draw.parts
+                for one, draw in zip(rest, draws, strict=True)
+            )
             rows = np.concatenate(
                 (
                     part.derivatives[:, :, :own],
-                    part.derivatives[:, :, own:] @ self._root,
-                    *((one.readings - part.readings)[:, :, np.newaxis] for one in rest),
+                    varied,
+                    *(change[:, :, np.newaxis] for change in changes),
                     (measured - part.readings)[:, :, np.newaxis],
                 ),
                 axis=2,

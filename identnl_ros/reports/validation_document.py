@@ -119,7 +119,7 @@ def _channel(agreement: Agreement, channel: ChannelComparison) -> dict[str, Any]
         'floor': number(channel.floor),
         'ratio': number(channel.ratio),
         'band': number(channel.band),
-        'force_noise': number(channel.force_noise),
+        'spread': number(channel.spread),
         'expected': number(channel.expected),
         'worst_test': None if worst is None else _test(worst),
         'tests': [_test(one) for one in channel.tests],

@@ -92,7 +92,7 @@ def without_value(document):
         (lambda d: d['parameters'].pop(), ('covariance', 'expected 15 of 15')),
         (lambda d: d['parameters'][0].update(name='x.y'), ('x.y', 'does not estimate')),
         (lambda d: d['parameters'][0].update(unit='N'), ('unit N, expected N/m^2',)),
-        (lambda d: d['parameters'][0].update(value='many'), ('parameters.0.value', "'many'")),
+        (lambda d: d['parameters'][0].update(value='many'), ('0.value', 'found "many"')),
         (lambda d: d.pop('covariance'), ('covariance', 'missing')),
         (lambda d: d['covariance'][0].__setitem__(0, -1.0), ('negative variance',)),
         (lambda d: d.update(parameters=[]), ('found none',)),

@@ -1,0 +1,70 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A small version of the Monte-Carlo studies."""
+
+import importlib.util
+from pathlib import Path
+import sys
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+STUDY = Path(__file__).parents[1] / 'studies/noise.py'
+
+
+@pytest.fixture(scope='module')
+def noise():
+    spec = importlib.util.spec_from_file_location('noise_study', STUDY)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules['noise_study'] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize('excitation', ['multisine', 'sine'])
+def test_weak_estimates_reach_the_bound_and_know_their_errors(noise, excitation):
+    runs = 6
+    found = noise.study(noise.Cell('weak', excitation, 10, 0.3), runs, map)
+    assert found.failed == 0
+    scores = (found.values - found.truth) / found.deviations
+    # Six runs of sixteen correlated parameters: wide bands, but a hundredfold error is far out.
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], runs) / runs
+    assert np.all((low < (scores**2).mean(axis=0)) & ((scores**2).mean(axis=0) < 1.5 * high))
+    assert 0.6 < np.sqrt(np.mean(scores**2)) < 1.5
+    np.testing.assert_allclose(np.median(found.deviations, axis=0), found.bound, rtol=0.1)
+
+
+def test_likelihood_and_weak_form_find_the_same_from_the_same_noise(noise):
+    weak, likelihood = (
+        noise.study(noise.Cell(estimator, 'multisine', 10, 0.3), 2, map)
+        for estimator in ('weak', 'likelihood')
+    )
+    assert weak.failed == likelihood.failed == 0
+    # One uses every sensor, the other the coordinates that they give: the same information.
+    difference = np.abs(weak.values - likelihood.values) / likelihood.deviations
+    assert difference.max() < 0.5
+
+
+def test_pointwise_estimates_are_biased_and_say_so(noise):
+    estimate, _ = noise.one_run((noise.Cell('pointwise', 'multisine', 10, 0.3), 0))
+    truth = noise.prepared(noise.Cell('pointwise', 'multisine', 10, 0.3))[0].values
+    assert all(parameter.status.value != 'ok' for parameter in estimate.parameters)
+    values = np.array([parameter.value for parameter in estimate.parameters])
+    model = noise.prepared(noise.Cell('pointwise', 'multisine', 10, 0.3))[0]
+    assert np.abs(values / truth[list(model.estimated)] - 1).max() > 1
+
+
+def test_tables_are_written_for_every_cell(noise):
+    cell = noise.Cell('weak', 'multisine', 10, 0.3)
+    names = ('a', 'b')
+    values = np.array([[1.1, 2.0], [0.9, 2.2]])
+    found = noise.Outcome(
+        cell, names, np.array([1.0, 2.0]), np.array([0.1, 0.2]), values,
+        np.full((2, 2), 0.1), 0, 0, 1.0,
+    )  # fmt: skip
+    np.testing.assert_allclose(found.error_ratio, [1.0, np.sqrt(0.02) / 0.2])
+    np.testing.assert_allclose(found.bias_ratio, [0.0, 0.1 / np.sqrt(0.02)], atol=1e-12)
+    np.testing.assert_allclose(found.coverage, [1.0, 0.5])
+    assert '| multisine | 10 nm, 0.01 m/s^2 | 2 |' in noise.summary([found])
+    assert noise.details(found).count('\n| ') == 3 + 1

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
 
+# Samples over which a straight line may replace the motion in a rough estimate.
+LONGEST_BRIDGE = 16
+
 
 @dataclass(frozen=True)
 class MotionRecord:
@@ -54,21 +57,51 @@ class MotionRecord:
         """
         return self._with(*(table[first:end] for table in self._tables))
 
-    def followed_by(self, other: 'MotionRecord') -> 'MotionRecord':
+    def followed_by(self, *others: 'MotionRecord') -> 'MotionRecord':
         """
         Append the instants that come next.
 
         Parameters
         ----------
-        other : MotionRecord
+        *others : MotionRecord
+            In order of time.
 
         Returns
         -------
         MotionRecord
 
         """
-        pairs = zip(self._tables, other._tables, strict=True)
-        return self._with(*(np.concatenate(pair) for pair in pairs))
+        tables = zip(self._tables, *(other._tables for other in others), strict=True)
+        return self._with(*(np.concatenate(parts) for parts in tables))
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Instants with a valid reading, shape (n_samples,)."""
+        return np.asarray(np.isfinite(self.displacement).all(axis=1))
+
+    def bridged(self) -> 'MotionRecord':
+        """
+        Fill short gaps by straight lines: for what needs an unbroken record, not exact numbers.
+
+        Returns
+        -------
+        MotionRecord
+
+        """
+        valid = np.flatnonzero(self.valid)
+        if len(valid) in (0, len(self)):
+            return self
+        index = np.arange(len(self))
+        following = np.minimum(np.searchsorted(valid, index), len(valid) - 1)
+        before = np.maximum(np.searchsorted(valid, index, side='right') - 1, 0)
+        near = valid[following] - valid[before] <= LONGEST_BRIDGE
+        near &= (valid[0] <= index) & (index <= valid[-1])
+        tables = []
+        for table in self._tables[:3]:
+            lines = np.column_stack([np.interp(index, valid, one[valid]) for one in table.T])
+            tables.append(np.where(near[:, np.newaxis], lines, np.nan))
+        displacement, velocity, acceleration = tables
+        return self._with(displacement, velocity, acceleration, self.force)
 
     @property
     def _tables(self) -> tuple[Reals, Reals, Reals, Reals]:
@@ -103,7 +136,9 @@ def records_of(block: MotionBlock, directions: Reals) -> list[MotionRecord]:
 
     """
     motion = np.stack((block.displacement, block.velocity, block.acceleration))
-    motion[:, ~np.isfinite(motion).all(axis=(0, 2))] = np.nan
+    # What is differentiated lacks more samples than the sensors do, and is not used.
+    measured = [True, not block.velocity_derived, not block.acceleration_derived]
+    motion[:, ~np.isfinite(motion[measured]).all(axis=(0, 2))] = np.nan
     force = block.force @ np.linalg.pinv(directions)
     displacement, velocity, acceleration = motion
     whole = MotionRecord(block.sample_rate, displacement, velocity, acceleration, force)

@@ -21,8 +21,10 @@ PERFECT = 1e-6
 # differences of the displacement would give it.
 BETTER = 0.1
 HALF_WIDTH = 8
+# For an estimate of noise.
+FEWEST_DIFFERENCES = 64
 # Below this noise, relative to the motion, the arithmetic must be as exact as it can be.
-QUIET = 1e-4
+QUIET = 1e-3
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,12 @@ class MotionWeights:
     perfect: bool
     quiet: bool
     estimated: bool
+
+    @property
+    def places(self) -> NDArray[np.int_]:
+        """Place of every measured quantity among all that could be measured."""
+        n = self.matrices[0][1].shape[1]
+        return np.concatenate([kind * n + np.arange(len(one)) for kind, one in self.matrices])
 
     @classmethod
     def of(
@@ -81,7 +89,7 @@ class MotionWeights:
         for kind, (table, covariance) in enumerate(zip(tables, covariances, strict=True)):
             size = _root_mean_square(table)
             if np.isnan(covariance).any():
-                covariance, estimated = _noise_covariance(table), True
+                covariance, estimated = noise_covariance(table), True
             if np.all(np.diag(covariance) <= (1e-3 * PERFECT * size) ** 2):
                 covariance, perfect = np.diag((PERFECT * size) ** 2), True
                 if derived[kind]:
@@ -101,19 +109,35 @@ class MotionWeights:
 
 def _root_mean_square(table: Reals) -> Reals:
     """Size of every coordinate; those that rest count as small as the smallest that moves."""
-    size: Reals = np.sqrt(np.nanmean(table**2, axis=0))
+    table = table[np.isfinite(table).all(axis=1)]
+    if not len(table):
+        return np.ones(table.shape[1])
+    size: Reals = np.sqrt(np.mean(table**2, axis=0))
     moving = size[size > 1e-12 * size.max(initial=0.0)]
     return np.maximum(size, moving.min() if moving.size else 1.0)
 
 
-def _noise_covariance(table: Reals) -> Reals:
-    """Covariance of white noise upon smooth motion, from high-order differences."""
-    differences = np.diff(table, n=DIFFERENCE_ORDER, axis=0)
-    differences = differences[np.isfinite(differences).all(axis=1)]
+def noise_covariance(table: Reals) -> Reals:
+    """
+    Estimate the covariance of white noise upon a smooth motion or force.
+
+    Parameters
+    ----------
+    table : ndarray, shape (n_samples, n)
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+
+    """
+    # Where samples are missing often, only lower orders find enough of them in a row.
+    for order in range(DIFFERENCE_ORDER, 0, -1):
+        differences = np.diff(table, n=order, axis=0)
+        differences = differences[np.isfinite(differences).all(axis=1)]
+        if len(differences) >= FEWEST_DIFFERENCES:
+            break
     moments = differences.T @ differences
-    return np.asarray(
-        moments / max(len(differences), 1) / comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER)
-    )
+    return np.asarray(moments / max(len(differences), 1) / comb(2 * order, order))
 
 
 def _measured(covariance: Reals, displacement: Reals, order: int) -> Reals:

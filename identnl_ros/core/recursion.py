@@ -9,26 +9,27 @@ still move by more than their errors; from then on every part of the stream is u
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from identnl_ros.core.errors import IdentnlError, MachineError
 from identnl_ros.core.force_noise import force_noise_effect, ForceNoise
 from identnl_ros.core.information import Information
 from identnl_ros.core.model import Model
 from identnl_ros.core.motion_record import MotionRecord
-from identnl_ros.core.motion_weights import MotionWeights
+from identnl_ros.core.motion_weights import MotionWeights, noise_covariance
 from identnl_ros.core.residual_statistics import ResidualStatistics
 from identnl_ros.core.response_fit import FORCE_MARGIN, ResponseFit
 from identnl_ros.core.response_search import (
     CHUNK,
     Search,
     search,
-    SMALL_STEP,
+    search_by_lengths,
     State,
     statistics_for,
     WeighedRecord,
 )
 from identnl_ros.core.weak_start import weak_form_start
+from identnl_ros.core.weak_state import WeakState
 from identnl_ros.core.weighting_function import bandwidth, weighting_function_for
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +62,7 @@ class Noise:
     covariances : tuple of 3 ndarray, shape (n, n)
         Of displacement, velocity, acceleration at one sample; NaN: to be estimated.
     force : ndarray, shape (n_excitations, n_excitations)
-        Covariance of the force at one sample; zero where it is not known.
+        Covariance of the force at one sample; NaN: to be estimated.
     derived : tuple of 3 bool
         Differentiated, at least partly, rather than measured.
 
@@ -85,9 +86,8 @@ class Noise:
 
         """
         weights = MotionWeights.of(record, self.covariances, self.derived)
-        frequency = bandwidth(
-            record.displacement @ weights.matrices[0][1].T, record.sample_rate, 0
-        )
+        white = record.bridged().displacement @ weights.matrices[0][1].T
+        frequency = bandwidth(white, record.sample_rate, 0)
         function = weighting_function_for(frequency, record.sample_rate)
         return WeighedRecord(record, weights, function)
 
@@ -109,6 +109,8 @@ class _Run:
         While the run grows.
     position : int
         Samples used.
+    waiting : list of MotionRecord
+        What follows the record, less than a chunk.
 
     """
 
@@ -118,6 +120,13 @@ class _Run:
     state: State | None = None
     fit: ResponseFit | None = None
     position: int = 0
+    waiting: list[MotionRecord] = field(default_factory=list)
+
+    def join(self) -> None:
+        """Make what waits part of the record."""
+        if self.waiting:
+            self.record = self.record.followed_by(*self.waiting)
+            self.waiting = []
 
     @property
     def whole(self) -> WeighedRecord:
@@ -128,7 +137,11 @@ class _Run:
 
     def weigh(self, anew: bool) -> bool:
         """Find the weights; False where the record tells little more than its initial state."""
-        if len(self.record) < 4 * FORCE_MARGIN:
+        if not self.position and len(self.record):
+            # Without a valid reading there is nothing to begin with.
+            begin = int(np.argmax(self.record.valid))
+            self.record = self.record.part(begin, len(self.record))
+        if np.count_nonzero(self.record.valid) < 4 * FORCE_MARGIN:
             return False
         if anew or self.weighed is None:
             self.weighed = self.noise.weigh(self.record)
@@ -140,6 +153,18 @@ class _Run:
         if self.state is None:
             self.state = self.whole.initial_state()
         return True
+
+    def skip_rest(self) -> None:
+        """Leave out chunks before the machine begins to move: they tell nothing."""
+        begin = 0
+        length = CHUNK + self.whole.first + FORCE_MARGIN
+        while begin + CHUNK + length < len(self.record):
+            part = self.record.part(begin, begin + length)
+            if replace(self.whole, record=part).moves:
+                break
+            begin += CHUNK
+        if begin:
+            self.record, self.state = self.record.part(begin, len(self.record)), None
 
 
 class Recursion:
@@ -199,36 +224,42 @@ class Recursion:
             Counts where nothing came before.
 
         """
-        if self._run is None:
-            self._run = _Run(record, noise)
-        else:
-            self._run.record = self._run.record.followed_by(record)
-        self._work(final=False)
+        # Whole chunks, counted from where the run begins: how the stream arrives changes nothing.
+        first = 0
+        while first < len(record):
+            if self._run is None:
+                self._run = _Run(record.part(0, 0), noise)
+            waiting = sum(map(len, self._run.waiting))
+            end = min(first + CHUNK - waiting, len(record))
+            self._run.waiting.append(record.part(first, end))
+            if waiting + end - first == CHUNK:
+                self._run.join()
+                self._work(final=False)
+            first = end
 
-    def resume(self, values: Reals, information: Information, perfect: bool) -> None:
+    def resume(self, state: WeakState) -> None:
         """
         Go on from what was learned before.
 
         Parameters
         ----------
-        values : ndarray, shape (n_unknowns,)
-        information : Information
-            On differences from these values.
-        perfect : bool
-            It comes from sensors without noise.
+        state : WeakState
 
         """
-        self.model = self.model.with_unknowns(values)
-        self._earlier = information
+        self.model = self.model.with_unknowns(state.values)
+        self._earlier = state.information
         self.started, self.failure = True, ''
-        self.perfect = perfect
-        self.fitted = len(values)
+        self.statistics = ResidualStatistics.of(state.statistics, state.average)
+        self.fitted = state.fitted
+        self.force_noise = state.force_noise
+        self.perfect = state.perfect
         self._kept = None
 
     def close(self) -> None:
         """Use up the present run; what comes next does not follow it."""
         if self._run is None:
             return
+        self._run.join()
         if self.started:
             self._work(final=True)
         run = self._run
@@ -241,6 +272,8 @@ class Recursion:
 
     def finish(self) -> None:
         """Use whatever samples there are."""
+        if self._run is not None:
+            self._run.join()
         self._work(final=True)
 
     def _work(self, final: bool) -> None:
@@ -255,21 +288,25 @@ class Recursion:
         count = sum(len(run.record) for run in self._runs)
         if count < self._next_start and not final:
             return
-        self._next_start = max(2 * self._next_start, count)
+        # Later samples may be better ones: never give up.
+        self._next_start = min(2 * self._next_start, KEPT)
         try:
+            for run in self._runs:
+                if run.weigh(anew=True):
+                    run.skip_rest()
             runs = [run for run in self._runs if run.weigh(anew=True)]
-            if runs:
+            if runs and not any(run.whole.moves for run in runs):
+                self.failure = 'the motion does not stand out of the noise of its sensors'
+            elif runs:
                 first = runs[0].whole
                 records = [run.record for run in runs]
                 model = weak_form_start(self._described, records, first.weights, first.function)
-                self._take(self._searched(model, runs, SMALL_STEP), runs)
+                states = [run.state for run in runs if run.state is not None]
+                discount = self._discount(runs[0].record)
+                found = search_by_lengths(model, [run.whole for run in runs], states, discount)
+                self._take(found, runs)
         except (IdentnlError, np.linalg.LinAlgError) as error:
             self.failure = f'no values were found from which a simulation could go on ({error})'
-
-    def _searched(self, model: Model, runs: Sequence[_Run], small_step: float) -> Search:
-        states = [run.state for run in runs if run.state is not None]
-        discount = self._discount(runs[0].record)
-        return search(model, [run.whole for run in runs], states, discount, small_step)
 
     def _take(self, found: Search, runs: Sequence[_Run]) -> None:
         """Go on from where a search has come to."""
@@ -300,12 +337,15 @@ class Recursion:
         whole = run.whole
         if run.state is None:
             return
+        noise = run.noise.force
+        if np.isnan(noise).any():
+            noise = noise_covariance(run.record.force)
         with suppress(MachineError):
             self.force_noise = force_noise_effect(
                 self.model,
                 whole.weights.matrices,
                 run.record.force[whole.first : whole.first + LONGEST_FORCE_STUDY],
-                run.noise.force,
+                noise,
                 run.record.sample_rate,
                 run.state,
                 whole.function.stride,
@@ -317,8 +357,12 @@ class Recursion:
         if run is None:
             return False
         inside = len(run.record) - FORCE_MARGIN
-        if run.fit is None and (final or inside >= CHUNK) and run.weigh(anew=False):
-            self._enter(run)
+        try:
+            if run.fit is None and (final or inside >= CHUNK) and run.weigh(anew=False):
+                self._enter(run)
+        except (IdentnlError, np.linalg.LinAlgError) as error:
+            self._give_up(run, len(run.record), str(error))
+            return False
         end = min(run.position + CHUNK, inside)
         if run.fit is None or end <= run.position or (end < run.position + CHUNK and not final):
             return False
@@ -330,25 +374,34 @@ class Recursion:
         try:
             deviation = run.fit.advance(run.record, run.position, end)
         except IdentnlError as error:
-            # A simulation with the present values is not possible.
-            rest = run.record.part(end, len(run.record))
-            self._begin(str(error))
-            self._run = _Run(rest, run.noise)
+            self._give_up(run, end, str(error))
             return False
         run.position = end
-        self.statistics.add(deviation.after(self._move()))
+        self.statistics.add(deviation.after(self._move()), run.whole.weights.places)
         return True
+
+    def _give_up(self, run: _Run, end: int, reason: str) -> None:
+        """Start anew behind samples that cannot be simulated with the present values."""
+        self._begin(reason)
+        self._run = _Run(run.record.part(end, len(run.record)), run.noise)
 
     def _enter(self, run: _Run) -> None:
         """Begin to simulate a run at the present values."""
         self.weighed = run.whole
         if not self.statistics.channels:
             self.statistics = statistics_for(run.whole)
-        state = run.whole.initial_state()
-        rate = run.record.sample_rate
-        run.fit = ResponseFit(self.model, run.whole.weights, rate, *state)
-        run.state, run.position = state, run.whole.first
+        # Of the initial state little is known: the first samples are gone over until it fits.
+        beginning = run.whole.beginning(CHUNK)
+        found = search_by_lengths(
+            self.model, [beginning], [beginning.initial_state()], known=self._earlier
+        )
+        (run.fit,) = found.fits
+        self._earlier = self._earlier.shifted(run.fit.values - self.values)
+        self.model = run.fit.model
+        run.state, run.position = run.fit.initial_state, beginning.end
+        self.statistics.merge(found.statistics)
         self.fitted += run.fit.information.size - len(self.model.estimated)
+        self._move()
 
     def _move(self) -> Reals:
         """Linearise about the present estimate; give the step, initial state included."""
@@ -378,7 +431,10 @@ class Recursion:
             return
         runs = [run for run in self._runs if run.weigh(anew=False)]
         with suppress(IdentnlError):
-            found = self._searched(self.model, runs, WORTH_A_PASS)
+            states = [run.state for run in runs if run.state is not None]
+            discount = self._discount(runs[0].record)
+            records = [run.whole for run in runs]
+            found = search(self.model, records, states, discount, WORTH_A_PASS)
             if found.converged:
                 self._take(found, runs)
 

@@ -18,6 +18,9 @@ Reals = NDArray[np.float64]
 
 _ORDER = DIFFERENCE_ORDER
 _GAIN = comb(2 * _ORDER, _ORDER)
+# Samples less noisy than stated by more than this factor count as that noisy: what remains is
+# then the arithmetic's, or does not matter beside the stated noise.
+QUIETEST = 0.1
 # Mean squares of differences of order k of white noise vary as if from fewer samples by this.
 _CORRELATION = comb(4 * _ORDER, 2 * _ORDER) / _GAIN**2
 
@@ -40,6 +43,35 @@ class ResidualStatistics:
         self._sums = np.zeros((3, channels))
         self._counts = np.zeros((3, channels))
 
+    @classmethod
+    def of(cls, tables: Reals, average: int) -> 'ResidualStatistics':
+        """
+        Continue from what has been gathered before.
+
+        Parameters
+        ----------
+        tables : ndarray, shape (2, 3, n_channels)
+        average : int
+
+        Returns
+        -------
+        ResidualStatistics
+
+        """
+        statistics = cls(tables.shape[2], average)
+        statistics._sums, statistics._counts = tables.copy()
+        return statistics
+
+    @property
+    def tables(self) -> Reals:
+        """Sums of squares and their counts: residuals, averages, differences."""
+        return np.stack((self._sums, self._counts))
+
+    @property
+    def average(self) -> int:
+        """Samples to average over."""
+        return self._average
+
     @property
     def channels(self) -> int:
         """Number of residuals at an instant."""
@@ -49,16 +81,22 @@ class ResidualStatistics:
         """Expect residuals that do not follow those before."""
         self._tail = self._tail[:0]
 
-    def add(self, residuals: Reals) -> None:
+    def add(self, residuals: Reals, places: NDArray[np.int_] | None = None) -> None:
         """
         Take consecutive residuals.
 
         Parameters
         ----------
-        residuals : ndarray, shape (n_samples, n_channels)
+        residuals : ndarray, shape (n_samples, n_residuals)
             Of unit variance if the stated noise is right; NaN: no valid sample.
+        places : ndarray of int, shape (n_residuals,), or None
+            Channel of every residual; the other channels have none. None: as they come.
 
         """
+        if places is not None:
+            table = np.full((len(residuals), self.channels), np.nan)
+            table[:, places] = residuals
+            residuals = table
         count = len(residuals) // self._average
         shape = count, self._average, residuals.shape[1]
         averages = residuals[: count * self._average].reshape(shape)
@@ -87,6 +125,19 @@ class ResidualStatistics:
         """
         self._sums *= share
         self._counts *= share
+
+    def merge(self, other: 'ResidualStatistics') -> None:
+        """
+        Take the residuals that others have gathered, of the same channels.
+
+        Parameters
+        ----------
+        other : ResidualStatistics
+
+        """
+        self._sums += other._sums
+        self._counts += other._counts
+        self._tail = other._tail
 
     @property
     def noise(self) -> Reals:
@@ -118,14 +169,15 @@ class ResidualStatistics:
             Standard deviation of the ratio, if nothing is missing.
 
         """
-        slow, fast = self._counts[1], self._counts[2]
-        if not np.all(slow > 0) or not np.all(fast > 2 * _ORDER) or slow.sum() <= 2 * fitted:
+        used = (self._counts[1] > 0) & (self._counts[2] > 2 * _ORDER)
+        slow, fast = self._counts[1:, used]
+        if slow.sum() <= 2 * fitted:
             return float('nan'), float('nan')
-        noise = self._sums[2] / fast
-        if not np.all(noise > 0):
-            return float('nan'), float('nan')
-        ratios = self._sums[1] / noise
-        free = slow.sum() - fitted
+        noise = np.maximum(self._sums[2, used] / fast, QUIETEST**2)
+        ratios = self._sums[1, used] / noise
+        # What the fit has absorbed is not all slow; without making up for it the test is a little
+        # cautious on short records, and raises no false alarms.
+        free = slow.sum()
         # Averages and the noise they are compared with: both are uncertain.
         variance = 2 / free + (2 * _CORRELATION / fast * (slow / slow.sum()) ** 2).sum()
         return float(ratios.sum() / free), float(np.sqrt(variance))

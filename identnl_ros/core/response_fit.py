@@ -13,6 +13,7 @@ by what the derivatives say, and no sample is needed again.
 
 from dataclasses import dataclass
 
+from identnl_ros.core.errors import MachineError
 from identnl_ros.core.excitation import RecordedForce
 from identnl_ros.core.information import Information
 from identnl_ros.core.model import Model
@@ -28,6 +29,8 @@ Reals = NDArray[np.float64]
 
 # Samples of force around a part beyond which they do not matter to its interpolation.
 FORCE_MARGIN = 40
+# Beyond this nothing can be learned, and squares overflow soon.
+LARGEST_DERIVATIVE = 1e60
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,11 @@ class ResponseFit:
         self.information = Information.empty(len(model.estimated) + 2 * n)
 
     @property
+    def values(self) -> Reals:
+        """Of the unknowns, about which it is linearised."""
+        return self.model.values[list(self.model.estimated)]
+
+    @property
     def unknowns(self) -> Information:
         """What the record says about the unknowns, whatever its initial state was."""
         return self.information.marginalised(range(len(self.model.estimated)))
@@ -138,6 +146,11 @@ class ResponseFit:
         following = np.stack((*self._state, motion[-1, 2]))
         whole = np.concatenate((motion, following[np.newaxis]))
         derivatives = self._response.advance(whole[:, 0], whole[:, 1], whole[:, 2])
+        if not np.abs(derivatives).max(initial=0.0) < LARGEST_DERIVATIVE:
+            raise MachineError(
+                f'machine {self.model.machine.name}: a small change of the unknowns grows without '
+                'bound'
+            )
         measured = record.displacement, record.velocity, record.acceleration
         blocks, targets = [], []
         for kind, matrix in self._weights.matrices:

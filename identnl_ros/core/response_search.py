@@ -3,7 +3,8 @@
 """Go over kept records until the simulation follows them as closely as it can."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.information import Information, Solution
@@ -28,6 +29,12 @@ HALVINGS = 8
 # perfect.
 SMALL_STEP = 0.02
 SMALLEST_STEP = 1e-10
+# Relative error of the values to start from, while a record is too short to tell them all.
+START_ERROR = 0.1
+# Power of the motion beyond that of the noise, in standard deviations of the latter.
+STANDING_OUT = 6.0
+# Half lengths of a test function: a period or two of the fastest motion.
+SHORTEST_BEGINNING = 4
 # Degree of the polynomial through the first samples that gives the initial state.
 DEGREE = 5
 
@@ -56,10 +63,42 @@ class WeighedRecord:
         return self.function.half_length
 
     @property
+    def moves(self) -> bool:
+        """Whether the motion stands out of the noise of its sensors."""
+        table = self.record.part(self.first, self.end).bridged()
+        tables = table.displacement, table.velocity, table.acceleration
+        for kind, matrix in self.weights.matrices:
+            white = tables[kind][table.valid] @ matrix.T
+            count = len(white) // self.function.stride
+            if not count:
+                continue
+            white = (white - white.mean(axis=0))[: count * self.function.stride]
+            averages = white.reshape(count, self.function.stride, -1).mean(axis=1)
+            power = self.function.stride * (averages**2).mean(axis=0).max(initial=0.0)
+            if power > 1 + STANDING_OUT * np.sqrt(2 / count):
+                return True
+        return False
+
+    @property
     def end(self) -> int:
         """Sample up to which the record is used: whole chunks, if there is one."""
         inside = max(len(self.record) - FORCE_MARGIN - self.first, 0)
         return self.first + (inside // CHUNK * CHUNK if inside >= CHUNK else inside)
+
+    def beginning(self, length: int) -> 'WeighedRecord':
+        """
+        Cut the record so that no more than a number of samples is used.
+
+        Parameters
+        ----------
+        length : int
+
+        Returns
+        -------
+        WeighedRecord
+
+        """
+        return replace(self, record=self.record.part(0, self.first + length + FORCE_MARGIN))
 
     def initial_state(self) -> State:
         """
@@ -71,8 +110,10 @@ class WeighedRecord:
 
         """
         table = self.record.displacement[: 2 * self.first + 1]
-        time = np.arange(len(table)) / self.first - 1
         valid = np.isfinite(table).all(axis=1)
+        if not valid.any():
+            return np.zeros(table.shape[1]), np.zeros(table.shape[1])
+        time = np.arange(len(table)) / self.first - 1
         powers = np.vander(time[valid], min(DEGREE + 1, int(valid.sum())), increasing=True)
         terms = np.linalg.lstsq(powers, table[valid], rcond=None)[0]
         velocity = terms[1] if len(terms) > 1 else np.zeros(table.shape[1])
@@ -123,6 +164,7 @@ def search(
     states: Sequence[State],
     discount: float = 1.0,
     small_step: float = SMALL_STEP,
+    prior: Information | None = None,
 ) -> Search:
     """
     Gauss-Newton with step halving on the likelihood of several records.
@@ -138,6 +180,8 @@ def search(
         Weight of what has been learned before each `CHUNK` of samples; 1 forgets nothing.
     small_step : float
         Step, in standard errors, at which to stop.
+    prior : Information or None
+        What else is known of the differences of the unknowns from the values to start from.
 
     Returns
     -------
@@ -149,14 +193,15 @@ def search(
         If the values to start from cannot be simulated.
 
     """
-    point = _pass(model, records, list(states), discount)
+    task = _Task(records, discount, model, prior)
+    point = task.at(model, list(states))
     passes, reason = 1, f'no convergence in {PASSES} passes over the data'
     converged = False
     while passes < PASSES:
         if _steps_within(point, small_step, SMALLEST_STEP):
             converged, reason = True, ''
             break
-        better, tried = _improved(point, records, discount, PASSES - passes)
+        better, tried = _improved(point, task, PASSES - passes)
         passes += tried
         if better is None:
             # Where rounding is all that is left, no step improves.
@@ -167,26 +212,110 @@ def search(
     return Search(point.fits, point.statistics, converged, reason, passes)
 
 
-def _pass(
+def search_by_lengths(
     model: Model,
+    records: Sequence[WeighedRecord],
+    states: Sequence[State],
+    discount: float = 1.0,
+    known: Information | None = None,
+) -> Search:
+    """
+    Search from values that may be too rough for a simulation to follow a record to its end.
+
+    The beginnings of the records come first, then twice as much and so on.
+
+    Parameters
+    ----------
+    model, records, states, discount
+        As in `search`.
+    known : Information or None
+        What is known of the differences of the unknowns from the values to start from.
+
+    Returns
+    -------
+    Search
+
+    Raises
+    ------
+    MachineError
+        If the values to start from cannot be simulated.
+
+    """
+    with suppress(MachineError):
+        present, beginning = _from_beginnings(model, records, list(states), discount, known)
+        found = search(
+            present, records, beginning, discount, SMALL_STEP, _at(present, model, known)
+        )
+        if found.converged:
+            return found
+    return search(model, records, states, discount, SMALL_STEP, known)
+
+
+def _at(present: Model, start: Model, known: Information | None) -> Information | None:
+    """Express what is known about other values."""
+    unknowns = list(start.estimated)
+    offset = present.values[unknowns] - start.values[unknowns]
+    return None if known is None else known.shifted(offset)
+
+
+def _from_beginnings(
+    start: Model,
     records: Sequence[WeighedRecord],
     states: list[State],
     discount: float,
-) -> _Point:
-    statistics = statistics_for(records[0])
-    fits: list[ResponseFit] = []
-    for one, state in zip(records, states, strict=True):
-        fit = ResponseFit(model, one.weights, one.record.sample_rate, *state)
-        statistics.restart()
-        fits.append(fit)
-        for first in range(one.first, one.end, CHUNK):
-            if discount < 1:
-                for earlier in fits:
-                    earlier.information = earlier.information.discounted(discount)
-            deviation = fit.advance(one.record, first, min(first + CHUNK, one.end))
-            statistics.add(deviation.values)
-    cost = sum(float((fit.information.factor[:, -1] ** 2).sum()) for fit in fits)
-    return _Point(model, states, fits, statistics, cost, joint_information(fits).solve())
+    known: Information | None,
+) -> tuple[Model, list[State]]:
+    """Improve values and initial states on ever longer beginnings of the records."""
+    if known is None:
+        # A short beginning does not tell all unknowns: the values to start from count too.
+        sizes = START_ERROR * np.abs(start.values[list(start.estimated)])
+        roots = np.diag(np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0))
+        known = Information.empty(len(sizes)).with_rows(roots, np.zeros(len(sizes)))
+    model = start
+    longest = max(one.end - one.first for one in records)
+    length = SHORTEST_BEGINNING * max(one.first for one in records)
+    while length < longest:
+        beginnings = [one.beginning(length) for one in records]
+        prior = _at(model, start, known)
+        found = search(model, beginnings, states, discount, SMALL_STEP, prior)
+        if found.converged:
+            model = found.fits[0].model
+            states = [fit.initial_state for fit in found.fits]
+        length *= 2
+    return model, states
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What a search goes over: records, forgetting, and what was known before."""
+
+    records: Sequence[WeighedRecord]
+    discount: float
+    start: Model
+    prior: Information | None
+
+    def at(self, model: Model, states: list[State]) -> _Point:
+        """Simulate all records."""
+        statistics = statistics_for(self.records[0])
+        fits: list[ResponseFit] = []
+        for one, state in zip(self.records, states, strict=True):
+            fit = ResponseFit(model, one.weights, one.record.sample_rate, *state)
+            statistics.restart()
+            fits.append(fit)
+            for first in range(one.first, one.end, CHUNK):
+                if self.discount < 1:
+                    for earlier in fits:
+                        earlier.information = earlier.information.discounted(self.discount)
+                deviation = fit.advance(one.record, first, min(first + CHUNK, one.end))
+                statistics.add(deviation.values, one.weights.places)
+        cost = sum(float((fit.information.factor[:, -1] ** 2).sum()) for fit in fits)
+        total = joint_information(fits)
+        if self.prior is not None:
+            unknowns = list(model.estimated)
+            prior = self.prior.shifted(model.values[unknowns] - self.start.values[unknowns])
+            cost += float((prior.factor[:, -1] ** 2).sum())
+            total = total.merged(prior)
+        return _Point(model, states, fits, statistics, cost, total.solve())
 
 
 def statistics_for(record: WeighedRecord) -> ResidualStatistics:
@@ -202,8 +331,7 @@ def statistics_for(record: WeighedRecord) -> ResidualStatistics:
     ResidualStatistics
 
     """
-    channels = sum(len(matrix) for _, matrix in record.weights.matrices)
-    return ResidualStatistics(channels, record.function.stride)
+    return ResidualStatistics(3 * record.record.displacement.shape[1], record.function.stride)
 
 
 def joint_information(fits: Sequence[ResponseFit]) -> Information:
@@ -227,9 +355,7 @@ def joint_information(fits: Sequence[ResponseFit]) -> Information:
     return total
 
 
-def _improved(
-    point: _Point, records: Sequence[WeighedRecord], discount: float, passes: int
-) -> tuple[_Point | None, int]:
+def _improved(point: _Point, task: _Task, passes: int) -> tuple[_Point | None, int]:
     """Step towards the solution, by halves where that is too far."""
     steps = [fit.difference(point.solution.values) for fit in point.fits]
     share = 1.0
@@ -245,7 +371,7 @@ def _improved(
         ]
         tried += 1
         try:
-            new = _pass(point.model.with_values(values), records, states, discount)
+            new = task.at(point.model.with_values(values), states)
         except MachineError:
             share /= 4
             continue
@@ -268,6 +394,15 @@ def _steps_within(point: _Point, of_deviations: float, of_values: float) -> bool
     deviations = np.sqrt(np.maximum(np.diag(solution.inverse), 0.0))
     freedom = max(sum(fit.information.rows for fit in point.fits), 1.0)
     # Perfect sensors: the residual says how exact the values are, not the assumed noise.
-    deviations *= min(1.0, float(np.sqrt(solution.residual_squares / freedom)))
+    exactness = min(1.0, float(np.sqrt(solution.residual_squares / freedom)))
+    deviations *= exactness
     steps = np.abs(solution.values)
-    return bool(np.all((steps <= of_deviations * deviations) | (steps <= of_values * values)))
+    if np.all(steps <= of_values * values):
+        return True
+    # What the step will gain counts the initial states too, which may have far to go.
+    fitted = len(steps) + sum(fit.information.size - len(steps) for fit in point.fits)
+    gain = point.cost - solution.residual_squares
+    return bool(
+        np.all((steps <= of_deviations * deviations) | (steps <= of_values * values))
+        and gain <= of_deviations**2 * fitted * max(exactness**2, np.finfo(float).eps)
+    )

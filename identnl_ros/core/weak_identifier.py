@@ -11,6 +11,7 @@ from identnl_ros.core.estimate import Estimate
 from identnl_ros.core.judged_estimate import judged_estimate, Verdict, verdict_on
 from identnl_ros.core.model import Model
 from identnl_ros.core.motion_record import records_of
+from identnl_ros.core.motion_weights import PERFECT
 from identnl_ros.core.recursion import Noise, Recursion
 from identnl_ros.core.unknowns import (
     nothing_yet,
@@ -100,6 +101,10 @@ class WeakIdentifier:
         return WeakState(
             recursion.information,
             recursion.values,
+            recursion.statistics.tables,
+            recursion.statistics.average,
+            recursion.fitted,
+            recursion.force_noise,
             recursion.perfect,
             self._samples,
             self._rejected,
@@ -128,7 +133,7 @@ class WeakIdentifier:
         names = tuple(self._model.parameters[i].name for i in self._model.estimated)
         require_same_unknowns(names, state.unknowns)
         self._recursion = Recursion(self._model, self._memory)
-        self._recursion.resume(state.values, state.information, state.perfect)
+        self._recursion.resume(state)
         self._samples, self._rejected = state.samples, state.rejected
         self._noise_estimated = state.noise_estimated
         if self.follower.stream_id is None and state.stream_id is not None:
@@ -205,7 +210,9 @@ class WeakIdentifier:
             solution,
             verdict,
             *counts,
-            residual=float(np.sqrt(solution.residual_squares / freedom)),
+            # Over the noise; over the motion where there is none.
+            residual=float(np.sqrt(solution.residual_squares / freedom))
+            * (PERFECT if recursion.perfect else 1.0),
             failure=recursion.failure,
             remarks=self._remarks(recursion),
             force_noise=recursion.force_noise,
@@ -247,5 +254,7 @@ def _noise_of(block: MotionBlock, directions: NDArray[np.float64]) -> Noise:
         block.acceleration_covariance + unknown,
     )
     to_exciters = np.linalg.pinv(directions)
-    force = np.nan_to_num(to_exciters.T @ block.force_covariance @ to_exciters)
-    return Noise(covariances, force, (False, block.velocity_derived, block.acceleration_derived))
+    force = to_exciters.T @ (np.nan_to_num(block.force_covariance)) @ to_exciters
+    return Noise(
+        covariances, force + unknown, (False, block.velocity_derived, block.acceleration_derived)
+    )

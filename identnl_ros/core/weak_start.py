@@ -12,6 +12,7 @@ with the covariance that sensor noise gives them at the mean stiffness of the re
 from collections.abc import Sequence
 from dataclasses import replace
 
+from identnl_ros.core.errors import DataError
 from identnl_ros.core.information import Information, Solution
 from identnl_ros.core.model import Model
 from identnl_ros.core.motion_record import MotionRecord
@@ -26,6 +27,8 @@ Reals = NDArray[np.float64]
 ROUNDS = 3
 # States at which the mean stiffness is taken.
 STATES = 64
+# Error of the integrals over a window, relative to the forces in it.
+INEXACT = 1e-4
 # An estimate below this fraction of its like is no start for a simulation.
 SMALLEST_SHARE = 0.02
 
@@ -55,6 +58,11 @@ def weak_form_start(
         With the estimates; those that the data do not determine, or that come out negative, are
         small and positive.
 
+    Raises
+    ------
+    DataError
+        If nothing moves.
+
     """
     linear = replace(
         model,
@@ -64,6 +72,7 @@ def weak_form_start(
     )
     if not linear.estimated:
         return model
+    records = [record.bridged() for record in records]
     windows = [_windows(linear, record, weights, function) for record in records]
     regressor = np.concatenate([one[0] for one in windows])
     target = np.concatenate([one[1] for one in windows])
@@ -145,7 +154,12 @@ def _weighted(
         kernel = function.derivative(order) if order else function.values
         noise = covariances.get(kind, covariances[0])
         covariance += kernel @ kernel * (gain @ noise @ gain.T)
+    # Quadrature is not exact either; and where nothing is known yet, nothing has a size.
+    forces = (target**2).mean(axis=0)
+    covariance += np.diag(INEXACT**2 * np.maximum(forces, INEXACT**2 * forces.max()))
     scale = np.sqrt(np.diag(covariance))
+    if not np.all(scale > 0):
+        raise DataError('nothing moves, or no force acts')
     whitening = np.linalg.inv(np.linalg.cholesky(covariance / np.outer(scale, scale))) / scale
     size = regressor.shape[2]
     return (

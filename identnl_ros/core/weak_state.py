@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass
 
+from identnl_ros.core.force_noise import ForceNoise
 from identnl_ros.core.information import Information
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,14 @@ class WeakState:
         On the differences of the unknowns from `values`, initial states eliminated.
     values : ndarray, shape (n_unknowns,)
         At which the machine was simulated [SI].
+    statistics : ndarray, shape (2, 3, n_channels)
+        Of the residuals, see `ResidualStatistics.tables`.
+    average : int
+        Samples over which they are averaged.
+    fitted : int
+        Numbers that were fitted.
+    force_noise : ForceNoise
+        What noise of the measured force adds to the errors.
     perfect : bool
         The sensors were stated to be without noise.
     samples, rejected : int
@@ -37,6 +46,10 @@ class WeakState:
 
     information: Information
     values: NDArray[np.float64]
+    statistics: NDArray[np.float64]
+    average: int
+    fitted: int
+    force_noise: ForceNoise
     perfect: bool
     samples: int
     rejected: int

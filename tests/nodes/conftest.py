@@ -43,14 +43,14 @@ RUN = {'duration': 1.0, 'sample_rate': 5000.0, 'seed': 3, 'excitation': 'multisi
 # many threads of linear algebra as the nodes have, since rounding depends on them.
 OFFLINE = """
 import pickle, sys
-from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
+from identnl_ros.core.identifier import identifier_for
 from identnl_ros.core.assembly import assemble
 from identnl_ros.core.transform import MotionTransform
 from identnl_ros.sources.simulated import Excitation, SimulatedSource, TestRun
 from identnl_ros.storage.layout_file import load_layout
 from identnl_ros.storage.machine_file import load_machine
 
-machine_file, layout_file, settings, result = sys.argv[1:]
+machine_file, layout_file, settings, estimator, result = sys.argv[1:]
 machine, layout = load_machine(machine_file), load_layout(layout_file)
 settings = eval(settings)
 run = TestRun(**{**settings, 'excitation': Excitation(settings['excitation'])})
@@ -58,7 +58,7 @@ source = SimulatedSource(machine.machine, layout.layout, run, machine.text, layo
 blocks = list(source.blocks())
 model = assemble(machine.machine)
 transform = MotionTransform(model, layout.layout, run.sample_rate)
-identifier = PointwiseIdentifier(model)
+identifier = identifier_for(model, estimator)
 for motion in map(transform.add, blocks):
     if motion is not None:
         identifier.add(motion)
@@ -186,6 +186,9 @@ def start(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., NodeProcess
     started: list[NodeProcess] = []
 
     def run(module: str, **parameters: object) -> NodeProcess:
+        if module in ('identifier', 'stand'):
+            # Quick and exact on clean data: most of these tests are about what is around it.
+            parameters = {'estimator': 'pointwise', **parameters}
         started.append(NodeProcess(module, parameters, tmp_path))
         return started[-1]
 
@@ -216,15 +219,27 @@ def watcher(ros_domain: int) -> Iterator[Watcher]:
 
 
 @pytest.fixture(scope='session')
-def computed(tmp_path_factory: pytest.TempPathFactory) -> tuple[object, ...]:
-    file = tmp_path_factory.mktemp('offline') / 'result'
-    subprocess.run(
-        [sys.executable, '-c', OFFLINE, MACHINE, LAYOUT, repr(RUN), file],
-        env={**os.environ, 'OPENBLAS_NUM_THREADS': '1'},
-        check=True,
-        timeout=120,
-    )
-    return pickle.loads(file.read_bytes())
+def compute(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[[dict[str, object], str], tuple[object, ...]]:
+    """Compute description, blocks and estimate of a run from the core alone."""
+
+    def of(run: dict[str, object], estimator: str) -> tuple[object, ...]:
+        file = tmp_path_factory.mktemp('offline') / 'result'
+        subprocess.run(
+            [sys.executable, '-c', OFFLINE, MACHINE, LAYOUT, repr(run), estimator, file],
+            env={**os.environ, 'OPENBLAS_NUM_THREADS': '1'},
+            check=True,
+            timeout=240,
+        )
+        return pickle.loads(file.read_bytes())
+
+    return of
+
+
+@pytest.fixture(scope='session')
+def computed(compute) -> tuple[object, ...]:
+    return compute(RUN, 'pointwise')
 
 
 @pytest.fixture(scope='session')

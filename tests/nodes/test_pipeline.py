@@ -3,7 +3,9 @@
 
 """A live stand, a replayed bag and the core alone give the same bits."""
 
+from identnl_ros.core.assembly import assemble
 from identnl_ros.storage.bag_reader import open_bag, read_estimates
+from identnl_ros.storage.machine_file import load_machine
 import pytest
 
 pytestmark = pytest.mark.ros
@@ -18,6 +20,28 @@ def test_separate_processes_give_the_bits_of_the_core(
     final = watcher.final_estimate()
     assert final.samples_used == offline.samples
     assert same_bits(final, offline)
+
+
+def test_noisy_stream_gives_the_bits_of_the_core_and_the_truth(
+    start, watcher, bridge_settings, compute, same_bits
+):
+    run = {'duration': 0.4, 'sample_rate': 10000.0, 'seed': 3, 'excitation': 'multisine'}
+    _, _, offline = compute(run, 'weak')
+    settings = {**bridge_settings, **run}
+    start('identifier', estimator='weak')
+    start('transform')
+    start('sensor_bridge', **settings)
+    final = watcher.final_estimate(240)
+    assert final.estimator == 'weak'
+    assert same_bits(final, offline)
+    truth = {
+        one.name: one.value
+        for one in assemble(load_machine(bridge_settings['machine_file']).machine).parameters
+    }
+    for one in final.parameters:
+        assert one.status == one.STATUS_OK, one.note
+        assert abs(one.value - truth[one.name]) < 5 * one.standard_deviation
+        assert one.lower < one.value < one.upper
 
 
 def test_one_process_gives_the_bits_of_the_core(start, bridge_settings, offline, bits, tmp_path):

@@ -29,8 +29,15 @@ SAMPLE_RATE = 10_000.0
     show_default=True,
     help='Factor on the noise that the layout states; the paper used perfect sensors.',
 )
+@click.option(
+    '--estimator',
+    type=click.Choice(['pointwise', 'weak']),
+    default='pointwise',
+    show_default=True,
+    help="pointwise: the paper's, for perfect sensors. weak: for sensors with noise.",
+)
 @reporting
-def command(duration: float, excitation: str, noise: float) -> Outcome:
+def command(duration: float, excitation: str, noise: float, estimator: str) -> Outcome:
     """
     Run a simulated stand and identify its 16 joint parameters while it vibrates.
 
@@ -64,7 +71,7 @@ def command(duration: float, excitation: str, noise: float) -> Outcome:
         'identifier, three processes over DDS'
     )
     samples = round(duration * SAMPLE_RATE)
-    with LiveRun(source) as run, progress('identifying', samples) as advance:
+    with LiveRun(source, estimator) as run, progress('identifying', samples) as advance:
         seen = 0
         for message in run.estimates():
             advance(message.last_sample_index - seen)

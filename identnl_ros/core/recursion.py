@@ -188,7 +188,7 @@ class Recursion:
     def _begin(self, failure: str) -> None:
         self.model = self._described
         self.failure = failure
-        self.started = False
+        self.started = self.tried = False
         self.perfect = False
         self.fitted = 0
         self.statistics = ResidualStatistics(0, 1)
@@ -270,11 +270,21 @@ class Recursion:
         if self._kept is not None:
             self._kept.append(run)
 
-    def finish(self) -> None:
-        """Use whatever samples there are."""
+    def finish(self, start: bool = True) -> None:
+        """
+        Use whatever samples there are.
+
+        Parameters
+        ----------
+        start : bool
+            Search for a start if there is none yet, however few samples there are; that takes
+            its time.
+
+        """
         if self._run is not None:
             self._run.join()
-        self._work(final=True)
+        if self.started or start:
+            self._work(final=True)
 
     def _work(self, final: bool) -> None:
         if not self.started:
@@ -288,6 +298,7 @@ class Recursion:
         count = sum(len(run.record) for run in self._runs)
         if count < self._next_start and not final:
             return
+        self.tried = True
         # Later samples may be better ones: never give up.
         self._next_start = min(2 * self._next_start, KEPT)
         try:

@@ -188,9 +188,10 @@ class WeakIdentifier:
         Estimate
 
         """
-        # What is settled for this estimate must not change how the stream goes on.
+        # What is settled for this estimate must not change how the stream goes on. Where no start
+        # was found, the next one is tried when there are more samples, not at every question.
         recursion = deepcopy(self._recursion)
-        recursion.finish()
+        recursion.finish(self.follower.ended or not recursion.tried)
         counts = self._samples, self._rejected
         if not recursion.started and recursion.weighed is None:
             return nothing_yet(self._model, self.estimator, *counts, recursion.failure)

@@ -37,18 +37,25 @@ class LiveRun:
     ----------
     source : mapping
         Parameters of the sensor bridge.
+    estimator : str
+        Method of the identifier.
     publish_rate : float
         Of the estimates [Hz].
 
     """
 
-    def __init__(self, source: Mapping[str, object], publish_rate: float = 4.0) -> None:
+    def __init__(
+        self,
+        source: Mapping[str, object],
+        estimator: str = 'weak',
+        publish_rate: float = 4.0,
+    ) -> None:
         # Nothing of this leaves the host or meets another run, unless the user says so.
         os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, LAST_OWN_DOMAIN)))
         self._namespace = '/stand'
         self._programs: dict[str, Mapping[str, object]] = {
-            'identifier': {'publish_rate': publish_rate},
+            'identifier': {'estimator': estimator, 'publish_rate': publish_rate},
             'transform': {},
             'sensor_bridge': {**source, 'wait_for_consumers': 2, 'wait_timeout': 60.0},
         }

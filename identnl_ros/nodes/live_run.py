@@ -3,12 +3,13 @@
 """A stand's nodes as separate processes, and their estimates as they come."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 import os
 import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from types import TracebackType
 
@@ -93,16 +94,20 @@ class LiveRun:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         for name, parameters in self._programs.items():
-            arguments = ['-r', f'__ns:={self._namespace}']
-            for key, value in parameters.items():
-                arguments += ['-p', f'{key}:={value}']
-            self._processes[name] = subprocess.Popen(
-                [sys.executable, '-m', f'identnl_ros.nodes.{name}', '--ros-args', *arguments,
-                 '--log-level', 'warn'],
-                # An interrupt at the terminal reaches this process alone, which ends the others.
-                start_new_session=True,
-                stdout=sys.stderr.fileno(),
-            )  # fmt: skip
+            with _signals_deferred():
+                self._launch(name, parameters)
+
+    def _launch(self, name: str, parameters: Mapping[str, object]) -> None:
+        arguments = ['-r', f'__ns:={self._namespace}']
+        for key, value in parameters.items():
+            arguments += ['-p', f'{key}:={value}']
+        self._processes[name] = subprocess.Popen(
+            [sys.executable, '-m', f'identnl_ros.nodes.{name}', '--ros-args', *arguments,
+             '--log-level', 'warn'],
+            # An interrupt at the terminal reaches this process alone, which ends the others.
+            start_new_session=True,
+            stdout=sys.stderr.fileno(),
+        )  # fmt: skip
 
     def _end(self) -> None:
         try:
@@ -158,3 +163,23 @@ class LiveRun:
                     f'no estimate for {LONGEST_SILENCE:.0f} s; does a firewall keep this host '
                     'from talking to itself (loopback)?'
                 )
+
+
+@contextmanager
+def _signals_deferred() -> Iterator[None]:
+    """Let a signal wait while a process is started: nobody would end one not yet written down."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number in numbers:
+        signal.signal(number, lambda number, _frame: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])

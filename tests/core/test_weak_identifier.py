@@ -20,16 +20,13 @@ from tests.core.machines import (
     deviations_of,
     line_layout,
     motion_of,
-    oscillator,
     truth_of,
-    unknown,
     values_of,
 )
 from tests.core.weak_runs import (
     A,
     D,
     exact,
-    feed,
     forgetful,
     identifier_of,
     LAYOUT,
@@ -194,13 +191,3 @@ def test_saved_and_restored_identifier_agrees_with_one_that_went_on(tmp_path, pa
     assert np.all(difference < 4.5 * lost + 0.3 * deviations)
     assert np.all(deviations_of(second) > 0.99 * deviations)
     assert np.all(deviations_of(second) < 1.6 * deviations)
-
-
-def test_forgetting_follows_a_stiffness_that_changes():
-    stiffer = assemble(oscillator(None, unknown(4.1e5), unknown(200.0), None, unknown(5e15)))
-    identifier = WeakIdentifier(forgetful(OSCILLATOR), 1.0)
-    feed(identifier, noisy(exact(count=6000)))
-    for stream_id in (2, 3):
-        feed(identifier, noisy(exact(stiffer, count=12000), seed=2), stream_id=stream_id)
-    found = identifier.estimate()
-    assert values_of(found)[0] == pytest.approx(4.1e5, rel=1e-3)

@@ -5,6 +5,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 import json
+import os
 import signal
 import sys
 import time
@@ -13,6 +14,10 @@ from types import FrameType
 WRONG_USE = 2
 BY_SIGNAL = 128  # exit code of a shell's child that a signal has ended: this plus its number
 PATIENCE = 5.0  # [s] for which more signals do not disturb the clearing up after the first
+# Called from C, which does not expect an exception that a signal throws in: the process would
+# crash, or end by the signal once everything is cleared up.
+UNSAFE = ('numba', 'llvmlite')
+POSTPONED = 0.01  # [s]
 
 
 class Interruption:
@@ -42,17 +47,27 @@ class Interruption:
         }
         for number in before:
             signal.signal(number, self._note)
+        signal.signal(signal.SIGALRM, self._interrupt)
         try:
             yield
         finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def _note(self, number: int, _frame: FrameType | None) -> None:
+    def _note(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
         if self.number and now - self._since < PATIENCE:
             return
         self.number, self._since = number, now
+        self._interrupt(number, frame)
+
+    def _interrupt(self, _number: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if frame.f_globals.get('__name__', '').partition('.')[0] in UNSAFE:
+                signal.setitimer(signal.ITIMER_REAL, POSTPONED)
+                return
+            frame = frame.f_back
         raise KeyboardInterrupt
 
 
@@ -74,7 +89,10 @@ def main() -> None:
             raise
         print('interrupted', file=sys.stderr)
         _show_error('interrupted', arguments)
-        exit_code = BY_SIGNAL + (interruption.number or signal.SIGINT)
+        sys.stderr.flush()
+        # Everything is cleared up. The interpreter's own way out would take the exit code away
+        # where the interrupt has come through code that was started from C.
+        os._exit(BY_SIGNAL + (interruption.number or signal.SIGINT))
     sys.exit(exit_code)
 
 

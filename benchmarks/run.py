@@ -16,15 +16,15 @@ import sys
 import tempfile
 import time
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.equilibrium import static_equilibrium
-from identnl_ros.core.excitation import sine
-from identnl_ros.core.information import Information
-from identnl_ros.core.model import Model
-from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
-from identnl_ros.core.regression import PointwiseRegression
-from identnl_ros.core.simulation import Simulation, steps_per_sample
-from identnl_ros.core.transform import MotionTransform
+from identnl_ros.core.algebra.information import Information
+from identnl_ros.core.estimation.regression import PointwiseRegression
+from identnl_ros.core.measurement.transform import MotionTransform
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.equilibrium import static_equilibrium
+from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.pointwise.pointwise_identifier import PointwiseIdentifier
+from identnl_ros.core.simulation.excitation import sine
+from identnl_ros.core.simulation.simulation import Simulation, steps_per_sample
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.machine_file import load_machine
 from identnl_ros.storage.shipped import shipped_config

@@ -20,18 +20,18 @@ import time
 os.environ.setdefault('OMP_NUM_THREADS', '1')
 
 import click
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.blocks import SampleBlock
-from identnl_ros.core.estimate import Estimate, EstimateStatus
-from identnl_ros.core.excitation import multisine, Signal, sine
-from identnl_ros.core.fisher import expected_information
-from identnl_ros.core.identifier import identifier_for
-from identnl_ros.core.layout import Layout, SensorKind
-from identnl_ros.core.likelihood_estimate import likelihood_estimate
-from identnl_ros.core.measured_record import MeasuredRecord
-from identnl_ros.core.model import Model
-from identnl_ros.core.stand import SimulatedStand
-from identnl_ros.core.transform import MotionTransform
+from identnl_ros.core.design.fisher import expected_information
+from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus
+from identnl_ros.core.estimation.identifier import identifier_for
+from identnl_ros.core.likelihood.likelihood_estimate import likelihood_estimate
+from identnl_ros.core.measurement.blocks import SampleBlock
+from identnl_ros.core.measurement.layout import Layout, SensorKind
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.measurement.transform import MotionTransform
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.simulation.excitation import multisine, Signal, sine
+from identnl_ros.core.simulation.stand import SimulatedStand
 from identnl_ros.storage.layout_file import load_layout
 from identnl_ros.storage.machine_file import load_machine
 from identnl_ros.storage.shipped import shipped_config

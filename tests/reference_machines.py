@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Machines of the tests, built from the core alone so that no file format is involved."""
 
-from identnl_ros.core.joints import Coefficient, frame_about, Slideway, SpringDamper
-from identnl_ros.core.layout import Layout, Sensor, SensorKind
-from identnl_ros.core.machine import Body, ExcitationPoint, Machine
+from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.mechanics.joints import Coefficient, frame_about, Slideway, SpringDamper
+from identnl_ros.core.mechanics.machine import Body, ExcitationPoint, Machine
 import numpy as np
 
 OMEGA_REFERENCE = 2 * np.pi * 40.0
@@ -20,8 +20,9 @@ def unknown(value):
 
 
 def column(mass=900.0):
-    return Body('column', Coefficient(mass), np.array([0.0, 0.0, 0.75]),
-                np.diag([190.0, 160.0, 60.0]))
+    return Body(
+        'column', Coefficient(mass), np.array([0.0, 0.0, 0.75]), np.diag([190.0, 160.0, 60.0])
+    )
 
 
 def pads(body='column'):
@@ -37,8 +38,9 @@ def pads(body='column'):
 
 def knee_and_column(coupled=False):
     """Build the reference machine: all 16 slideway parameters unknown."""
-    knee = Body('knee', Coefficient(260.0), np.array([0.42, 0.0, 0.70]),
-                np.diag([14.0, 18.0, 12.0]))
+    knee = Body(
+        'knee', Coefficient(260.0), np.array([0.42, 0.0, 0.70]), np.diag([14.0, 18.0, 12.0])
+    )
     root = np.sqrt(0.5)
     slideways = tuple(
         Slideway(
@@ -68,8 +70,13 @@ def knee_and_column(coupled=False):
     return Machine('knee_and_column', (column(), knee), (*pads(), screw, *slideways), (exciter,))
 
 
-def complete_layout(machine, displacement_noise=0.0, acceleration_noise=0.0, velocity_noise=0.0,
-                    kinds=tuple(SensorKind)[1:]):
+def complete_layout(
+    machine,
+    displacement_noise=0.0,
+    acceleration_noise=0.0,
+    velocity_noise=0.0,
+    kinds=tuple(SensorKind)[1:],
+):
     """Put three-axis sensors of motion at three corners of every body, a cell on every exciter."""
     sensors = [
         Sensor(f'{point.name}_cell', SensorKind.FORCE, excitation=point.name, noise=0.0)
@@ -77,9 +84,11 @@ def complete_layout(machine, displacement_noise=0.0, acceleration_noise=0.0, vel
     ]
     for body in machine.bodies:
         for kind in kinds:
-            noise = {SensorKind.DISPLACEMENT: displacement_noise,
-                     SensorKind.VELOCITY: velocity_noise,
-                     SensorKind.ACCELERATION: acceleration_noise}[kind]
+            noise = {
+                SensorKind.DISPLACEMENT: displacement_noise,
+                SensorKind.VELOCITY: velocity_noise,
+                SensorKind.ACCELERATION: acceleration_noise,
+            }[kind]
             for i, corner in enumerate(((1, 1, 1), (-1, 1, -1), (1, -1, -1))):
                 for axis in range(3):
                     sensors.append(Sensor(

@@ -46,7 +46,7 @@ def command(duration: float, excitation: str, noise: float, estimator: str) -> O
     """
     require_ros()
     from identnl_ros.cli.progress import progress
-    from identnl_ros.core.assembly import assemble
+    from identnl_ros.core.mechanics.assembly import assemble
     from identnl_ros.nodes.estimate_conversion import estimate_from_message
     from identnl_ros.nodes.live_run import LiveRun
     from identnl_ros.reports.estimate_document import estimate_document

@@ -95,11 +95,11 @@ def command(
     Without LAYOUT, MACHINE_layout.yaml beside the machine file. Exit code 1: a parameter would
     not be identifiable, or no plan meets the wanted error.
     """
-    from identnl_ros.core.assembly import assemble
-    from identnl_ros.core.design import outlook
+    from identnl_ros.core.design.design import outlook
+    from identnl_ros.core.design.plan_search import compare
+    from identnl_ros.core.design.sensor_choice import sensor_importances
     from identnl_ros.core.errors import DataError
-    from identnl_ros.core.plan_search import compare
-    from identnl_ros.core.sensor_choice import sensor_importances
+    from identnl_ros.core.mechanics.assembly import assemble
     from identnl_ros.reports.design_document import design_document
     from identnl_ros.sources.planned import plan, plans_to_compare, PlanSettings
     from identnl_ros.sources.simulated import Excitation

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome, say
-from identnl_ros.core.estimate import Estimate, EstimateStatus
+from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus
 
 if TYPE_CHECKING:
     from identnl_ros.sources.offline import Losses
@@ -57,7 +57,7 @@ def command(
     From one or several BAGs of the same machine. Exit code 1: the data determine none of them,
     or the estimates are not to be trusted because model and data disagree.
     """
-    from identnl_ros.core.physical_bounds import within_physical_bounds
+    from identnl_ros.core.estimation.physical_bounds import within_physical_bounds
     from identnl_ros.reports.estimate_document import estimate_document
     from identnl_ros.sources.offline import identify_bags
     from identnl_ros.storage.bag_reader import open_bag

@@ -7,8 +7,8 @@ from dataclasses import replace
 import threading
 import time
 
-from identnl_ros.core.blocks import SampleBlock
 from identnl_ros.core.errors import IdentnlError
+from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.nodes.credit import Credit
 from identnl_ros.nodes.prefetch import Prefetch
 from identnl_ros.sources.source import Source

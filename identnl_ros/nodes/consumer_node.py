@@ -8,11 +8,11 @@ import time
 from typing import Any, ClassVar
 
 from identnl_msgs.msg import StandDescription as StandDescriptionMessage
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.blocks import NANOSECONDS
-from identnl_ros.core.continuity import StreamFollower
 from identnl_ros.core.errors import DataError, IdentnlError, MachineError
-from identnl_ros.core.model import Model
+from identnl_ros.core.measurement.blocks import NANOSECONDS
+from identnl_ros.core.measurement.continuity import StreamFollower
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.model import Model
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumption import Progress
 from identnl_ros.nodes.diagnosis import check_topic, Health, Level

@@ -7,8 +7,8 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from identnl_msgs.msg import BodyMotionBlock, SampleBlock as SampleBlockMessage
-from identnl_ros.core.blocks import MotionBlock, NANOSECONDS, SampleBlock
 from identnl_ros.core.errors import DataError
+from identnl_ros.core.measurement.blocks import MotionBlock, NANOSECONDS, SampleBlock
 import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import Header

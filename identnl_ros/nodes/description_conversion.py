@@ -4,7 +4,7 @@
 
 from geometry_msgs.msg import Point, Vector3
 from identnl_msgs.msg import ChannelDescription, StandDescription as StandDescriptionMessage
-from identnl_ros.core.layout import Sensor, SensorKind
+from identnl_ros.core.measurement.layout import Sensor, SensorKind
 from identnl_ros.nodes.conversions import to_header
 from identnl_ros.storage.stand_description import StandDescription
 

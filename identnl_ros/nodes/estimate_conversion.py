@@ -8,7 +8,7 @@ from identnl_msgs.msg import (
     ParameterEstimateArray,
 )
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.estimate import (
+from identnl_ros.core.estimation.estimate import (
     CombinationEstimate,
     Estimate,
     EstimateStatus,

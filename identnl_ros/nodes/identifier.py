@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 
 from identnl_msgs.msg import BodyMotionBlock, ParameterEstimateArray
 from identnl_msgs.srv import LoadIdentifierState, ResetIdentifier, SaveIdentifierState
-from identnl_ros.core.blocks import MotionBlock, stamp_after
-from identnl_ros.core.continuity import StreamFollower
 from identnl_ros.core.errors import DataError, IdentnlError
-from identnl_ros.core.estimate import Estimate, EstimateStatus
-from identnl_ros.core.identifier import ESTIMATORS, Identifier, identifier_for
+from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus
+from identnl_ros.core.estimation.identifier import ESTIMATORS, Identifier, identifier_for
+from identnl_ros.core.measurement.blocks import MotionBlock, stamp_after
+from identnl_ros.core.measurement.continuity import StreamFollower
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumer_node import ConsumerNode
 from identnl_ros.nodes.conversions import motion_from_message

@@ -7,8 +7,8 @@ import queue
 import threading
 import traceback
 
-from identnl_ros.core.blocks import SampleBlock
 from identnl_ros.core.errors import DataError, IdentnlError
+from identnl_ros.core.measurement.blocks import SampleBlock
 
 AHEAD = 64  # blocks
 POLL = 0.1  # [s]

@@ -17,9 +17,9 @@ from identnl_msgs.msg import (
     SampleBlock,
     StandDescription,
 )
-from identnl_ros.core.blocks import NANOSECONDS
-from identnl_ros.core.continuity import StreamFollower
 from identnl_ros.core.errors import DataError
+from identnl_ros.core.measurement.blocks import NANOSECONDS
+from identnl_ros.core.measurement.continuity import StreamFollower
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumption import Progress
 from identnl_ros.nodes.diagnosis import check_topic, Health, Level

@@ -13,7 +13,7 @@ from identnl_msgs.msg import (
     SampleBlock as SampleBlockMessage,
     StandDescription as StandDescriptionMessage,
 )
-from identnl_ros.core.blocks import SampleBlock
+from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.block_stream import BlockStream
 from identnl_ros.nodes.conversions import block_to_message

@@ -7,9 +7,9 @@ import sys
 from typing import Any, ClassVar
 
 from identnl_msgs.msg import BodyMotionBlock, SampleBlock as SampleBlockMessage
-from identnl_ros.core.blocks import SampleBlock
-from identnl_ros.core.continuity import StreamFollower
-from identnl_ros.core.transform import MotionTransform
+from identnl_ros.core.measurement.blocks import SampleBlock
+from identnl_ros.core.measurement.continuity import StreamFollower
+from identnl_ros.core.measurement.transform import MotionTransform
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumer_node import ConsumerNode
 from identnl_ros.nodes.conversions import block_from_message, motion_to_message

@@ -4,11 +4,11 @@
 
 from collections.abc import Iterable, Sequence
 
-from identnl_ros.core.design import Expectation, ExpectedParameter, Outlook
-from identnl_ros.core.layout import Layout
-from identnl_ros.core.plan import Plan
-from identnl_ros.core.plan_search import Comparison
-from identnl_ros.core.sensor_choice import SensorImportance, TOLERATED_GROWTH
+from identnl_ros.core.design.design import Expectation, ExpectedParameter, Outlook
+from identnl_ros.core.design.plan import Plan
+from identnl_ros.core.design.plan_search import Comparison
+from identnl_ros.core.design.sensor_choice import SensorImportance, TOLERATED_GROWTH
+from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.reports.paper_units import paper_unit
 
 # Sensors named one by one; of more only their number is told.

@@ -5,11 +5,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-from identnl_ros.core.design import Outlook
-from identnl_ros.core.layout import Layout
-from identnl_ros.core.plan import Plan
-from identnl_ros.core.plan_search import Comparison
-from identnl_ros.core.sensor_choice import SensorImportance
+from identnl_ros.core.design.design import Outlook
+from identnl_ros.core.design.plan import Plan
+from identnl_ros.core.design.plan_search import Comparison
+from identnl_ros.core.design.sensor_choice import SensorImportance
+from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.reports.design_advice import (
     advice_on_comparison,
     advice_on_run,

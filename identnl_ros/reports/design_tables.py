@@ -5,10 +5,10 @@
 from collections.abc import Sequence
 import math
 
-from identnl_ros.core.design import Expectation, Outlook
-from identnl_ros.core.layout import Layout
-from identnl_ros.core.plan_search import Comparison
-from identnl_ros.core.sensor_choice import SensorImportance
+from identnl_ros.core.design.design import Expectation, Outlook
+from identnl_ros.core.design.plan_search import Comparison
+from identnl_ros.core.design.sensor_choice import SensorImportance
+from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.reports.design_advice import (
     advice_on_comparison,
     advice_on_run,

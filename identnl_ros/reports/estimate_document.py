@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import math
 from typing import Any
 
-from identnl_ros.core.estimate import Estimate, EstimateStatus
+from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus
 
 
 def estimate_document(estimate: Estimate, truth: Mapping[str, float]) -> dict[str, Any]:

@@ -5,7 +5,7 @@
 from collections.abc import Iterator, Mapping
 import math
 
-from identnl_ros.core.estimate import Estimate, EstimateStatus, ParameterEstimate
+from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus, ParameterEstimate
 from identnl_ros.reports.paper_units import readable_unit
 from rich.box import SIMPLE_HEAD
 from rich.console import Console

@@ -5,8 +5,13 @@
 from collections.abc import Iterator
 from typing import Any
 
-from identnl_ros.core.agreement import Agreement, ChannelComparison, FALSE_ALARM_RATE, ScaleTest
-from identnl_ros.core.validation import Traces
+from identnl_ros.core.validation.agreement import (
+    Agreement,
+    ChannelComparison,
+    FALSE_ALARM_RATE,
+    ScaleTest,
+)
+from identnl_ros.core.validation.validation import Traces
 from identnl_ros.reports.estimate_document import number
 import numpy as np
 

@@ -5,8 +5,13 @@
 from collections.abc import Iterator, Sequence
 import math
 
-from identnl_ros.core.agreement import Agreement, FALSE_ALARM_RATE, ScaleTest, StreamComparison
-from identnl_ros.core.layout import SensorKind
+from identnl_ros.core.measurement.layout import SensorKind
+from identnl_ros.core.validation.agreement import (
+    Agreement,
+    FALSE_ALARM_RATE,
+    ScaleTest,
+    StreamComparison,
+)
 from identnl_ros.reports.paper_units import PaperUnit
 from identnl_ros.reports.validation_document import AGREES, DIFFERS, verdict
 from rich.box import SIMPLE_HEAD

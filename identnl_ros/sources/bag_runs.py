@@ -5,9 +5,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from identnl_ros.core.continuity import Arrival, StreamFollower
-from identnl_ros.core.layout import Layout
-from identnl_ros.core.measured_force import LONGEST_GAP
+from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
+from identnl_ros.core.measurement.layout import Layout
+from identnl_ros.core.measurement.measured_force import LONGEST_GAP
 from identnl_ros.storage.bag_reader import Bag
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np

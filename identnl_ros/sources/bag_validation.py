@@ -5,13 +5,13 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from identnl_ros.core.agreement import Agreement, StreamComparison
-from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import DataError, IdentnlError, LayoutError, MachineError
-from identnl_ros.core.machine import Machine
-from identnl_ros.core.measured_record import MeasuredRecord
-from identnl_ros.core.model import Model
-from identnl_ros.core.validation import Traces, Validation
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.machine import Machine
+from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.validation.agreement import Agreement, StreamComparison
+from identnl_ros.core.validation.validation import Traces, Validation
 from identnl_ros.sources.bag_runs import BagRuns, SHORTEST_RUN
 from identnl_ros.sources.offline import machine_of_bag
 from identnl_ros.storage.bag_reader import open_bag

@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.continuity import Arrival, StreamFollower
 from identnl_ros.core.errors import DataError, LayoutError
-from identnl_ros.core.estimate import Estimate
-from identnl_ros.core.identifier import identifier_for
-from identnl_ros.core.layout import SensorKind
-from identnl_ros.core.likelihood_estimate import likelihood_estimate
-from identnl_ros.core.machine import Machine
-from identnl_ros.core.measured_record import MeasuredRecord
-from identnl_ros.core.model import Model
-from identnl_ros.core.sensor_unknown import sensor_unknown
-from identnl_ros.core.transform import MotionTransform
+from identnl_ros.core.estimation.estimate import Estimate
+from identnl_ros.core.estimation.identifier import identifier_for
+from identnl_ros.core.likelihood.likelihood_estimate import likelihood_estimate
+from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
+from identnl_ros.core.measurement.layout import SensorKind
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.measurement.sensor_unknown import sensor_unknown
+from identnl_ros.core.measurement.transform import MotionTransform
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.machine import Machine
+from identnl_ros.core.mechanics.model import Model
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine
 import numpy as np

@@ -4,9 +4,9 @@
 
 from dataclasses import dataclass, replace
 
+from identnl_ros.core.design.plan import Plan
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.machine import ExcitationPoint, Machine
-from identnl_ros.core.plan import Plan
+from identnl_ros.core.mechanics.machine import ExcitationPoint, Machine
 from identnl_ros.sources.simulated import (
     Excitation,
     excitation_signals,

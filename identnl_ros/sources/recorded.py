@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from identnl_ros.core.blocks import SampleBlock
+from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.stand_description import StandDescription
 

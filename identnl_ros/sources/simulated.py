@@ -7,10 +7,12 @@ from dataclasses import dataclass, fields
 from enum import Enum
 import hashlib
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.blocks import SampleBlock, samples_per_block
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.excitation import (
+from identnl_ros.core.measurement.blocks import SampleBlock, samples_per_block
+from identnl_ros.core.measurement.layout import Layout
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.machine import ExcitationPoint, Machine
+from identnl_ros.core.simulation.excitation import (
     Impulses,
     multisine,
     RecordedForce,
@@ -18,9 +20,7 @@ from identnl_ros.core.excitation import (
     sine,
     Sweep,
 )
-from identnl_ros.core.layout import Layout
-from identnl_ros.core.machine import ExcitationPoint, Machine
-from identnl_ros.core.stand import SimulatedStand
+from identnl_ros.core.simulation.stand import SimulatedStand
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 from numpy.typing import NDArray

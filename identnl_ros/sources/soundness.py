@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.blocks import SampleBlock
-from identnl_ros.core.equilibrium import static_equilibrium
 from identnl_ros.core.errors import IdentnlError
-from identnl_ros.core.layout import Layout
-from identnl_ros.core.machine import Machine
-from identnl_ros.core.modes import modes
-from identnl_ros.core.transform import MotionTransform
+from identnl_ros.core.measurement.blocks import SampleBlock
+from identnl_ros.core.measurement.layout import Layout
+from identnl_ros.core.measurement.transform import MotionTransform
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.equilibrium import static_equilibrium
+from identnl_ros.core.mechanics.machine import Machine
+from identnl_ros.core.mechanics.modes import modes
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.layout_file import load_layout
 from identnl_ros.storage.machine_file import load_machine, read_machine

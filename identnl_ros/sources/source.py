@@ -5,7 +5,7 @@
 from collections.abc import Iterator
 from typing import Protocol
 
-from identnl_ros.core.blocks import SampleBlock
+from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.storage.stand_description import StandDescription
 
 

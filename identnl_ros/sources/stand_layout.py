@@ -5,8 +5,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from identnl_ros.core.complete_layout import complete_layout
-from identnl_ros.core.layout import Layout
+from identnl_ros.core.measurement.complete_layout import complete_layout
+from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.storage.layout_file import default_layout_path, load_layout
 from identnl_ros.storage.machine_file import MachineFile
 

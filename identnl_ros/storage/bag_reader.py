@@ -8,8 +8,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TypeVar
 
-from identnl_ros.core.blocks import SampleBlock
 from identnl_ros.core.errors import DataError
+from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.storage.bag_files import open_files
 from identnl_ros.storage.message_reading import (
     block_from_message,

@@ -10,8 +10,8 @@ from pathlib import Path
 import shutil
 from types import TracebackType
 
-from identnl_ros.core.blocks import SampleBlock
 from identnl_ros.core.errors import DataError
+from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.storage.bag_files import METADATA_NAME
 from identnl_ros.storage.bag_metadata import metadata_text, WrittenTopic
 from identnl_ros.storage.message_types import (

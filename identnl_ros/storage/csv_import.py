@@ -9,9 +9,14 @@ from pathlib import Path
 import re
 import secrets
 
-from identnl_ros.core.blocks import ChannelStatus, SampleBlock, samples_per_block, stamp_after
 from identnl_ros.core.errors import DataError, LayoutError
-from identnl_ros.core.layout import Layout
+from identnl_ros.core.measurement.blocks import (
+    ChannelStatus,
+    SampleBlock,
+    samples_per_block,
+    stamp_after,
+)
+from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.csv_table import CsvTable, Progress
 from identnl_ros.storage.stand_description import StandDescription

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from identnl_ros.core.errors import LayoutError
-from identnl_ros.core.joints import GROUND
-from identnl_ros.core.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.mechanics.joints import GROUND
 from identnl_ros.storage.quantities import (
     convert,
     Direction,

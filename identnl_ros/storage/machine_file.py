@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.joints import (
+from identnl_ros.core.mechanics.joints import (
     Coefficient,
     frame_about,
     GROUND,
@@ -15,14 +15,14 @@ from identnl_ros.core.joints import (
     Slideway,
     SpringDamper,
 )
-from identnl_ros.core.machine import (
+from identnl_ros.core.mechanics.machine import (
     Body,
     ConstantForce,
     DEGREES_OF_FREEDOM,
     ExcitationPoint,
     Machine,
 )
-from identnl_ros.core.ties import declared_numbers, roots_of, with_inner_ties
+from identnl_ros.core.mechanics.ties import declared_numbers, roots_of, with_inner_ties
 from identnl_ros.storage.quantities import (
     coefficients,
     Direction,

@@ -8,15 +8,15 @@ import struct
 from types import SimpleNamespace
 from typing import TypeVar
 
-from identnl_ros.core.blocks import NANOSECONDS, SampleBlock
 from identnl_ros.core.errors import DataError, LayoutError
-from identnl_ros.core.estimate import (
+from identnl_ros.core.estimation.estimate import (
     CombinationEstimate,
     Estimate,
     EstimateStatus,
     ParameterEstimate,
 )
-from identnl_ros.core.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.measurement.blocks import NANOSECONDS, SampleBlock
+from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 

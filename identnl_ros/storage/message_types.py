@@ -5,9 +5,9 @@
 from functools import cache
 from typing import Any
 
-from identnl_ros.core.blocks import NANOSECONDS, SampleBlock
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.layout import Sensor
+from identnl_ros.core.measurement.blocks import NANOSECONDS, SampleBlock
+from identnl_ros.core.measurement.layout import Sensor
 from identnl_ros.storage.cdr import SEPARATOR
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np

@@ -17,7 +17,7 @@ import math
 import re
 from typing import Annotated, TYPE_CHECKING, TypeVar
 
-from identnl_ros.core.coefficients import Coefficient, Tie
+from identnl_ros.core.mechanics.coefficients import Coefficient, Tie
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import PlainValidator

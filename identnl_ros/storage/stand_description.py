@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.layout import Layout
+from identnl_ros.core.measurement.layout import Layout
 import numpy as np
 
 

@@ -13,8 +13,8 @@ from typing import Any, get_args, get_origin, get_type_hints
 import zipfile
 
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.identifier_state import IdentifierState
-from identnl_ros.core.weak_state import WeakState
+from identnl_ros.core.pointwise.identifier_state import IdentifierState
+from identnl_ros.core.weak.weak_state import WeakState
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,7 +5,7 @@
 import csv
 import json
 
-from identnl_ros.core.assembly import assemble
+from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.machine_file import load_machine
 import numpy as np

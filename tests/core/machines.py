@@ -5,12 +5,12 @@
 from dataclasses import replace
 from itertools import pairwise
 
-from identnl_ros.core.blocks import SampleBlock
-from identnl_ros.core.joints import Coefficient, GROUND, Slideway, SpringDamper
-from identnl_ros.core.layout import Layout, Sensor, SensorKind
-from identnl_ros.core.machine import Body, ExcitationPoint, Machine
-from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
-from identnl_ros.core.transform import MotionTransform
+from identnl_ros.core.measurement.blocks import SampleBlock
+from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.measurement.transform import MotionTransform
+from identnl_ros.core.mechanics.joints import Coefficient, GROUND, Slideway, SpringDamper
+from identnl_ros.core.mechanics.machine import Body, ExcitationPoint, Machine
+from identnl_ros.core.pointwise.pointwise_identifier import PointwiseIdentifier
 import numpy as np
 from scipy.spatial.transform import Rotation
 

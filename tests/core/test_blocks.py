@@ -4,8 +4,8 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.blocks import MotionBlock, samples_per_block, stamp_after
 from identnl_ros.core.errors import DataError
+from identnl_ros.core.measurement.blocks import MotionBlock, samples_per_block, stamp_after
 import numpy as np
 import pytest
 

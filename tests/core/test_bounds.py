@@ -4,9 +4,9 @@
 
 from itertools import product
 
-from identnl_ros.core.bounds import bounded, bounded_solution
+from identnl_ros.core.algebra.bounds import bounded, bounded_solution
+from identnl_ros.core.algebra.information import Information
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.information import Information
 import numpy as np
 import pytest
 from scipy.optimize import nnls

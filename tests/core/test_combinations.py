@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is said of parameters that data determine only together."""
 
-from identnl_ros.core.combinations import determined_combinations
-from identnl_ros.core.information import Information
+from identnl_ros.core.algebra.information import Information
+from identnl_ros.core.estimation.combinations import determined_combinations
 import numpy as np
 import pytest
 

@@ -2,17 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The layout for machines without one: it sees everything, whatever the machine."""
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.complete_layout import (
+from identnl_ros.core.measurement.complete_layout import (
     ARM,
     complete_layout,
     MOTION_KINDS,
     TYPICAL_NOISE,
 )
-from identnl_ros.core.layout import SensorKind
-from identnl_ros.core.machine import Body, ExcitationPoint, Machine
-from identnl_ros.core.observation import observe_force, observe_motion, sensor_matrix
-from identnl_ros.core.transform import MotionTransform
+from identnl_ros.core.measurement.layout import SensorKind
+from identnl_ros.core.measurement.observation import observe_force, observe_motion, sensor_matrix
+from identnl_ros.core.measurement.transform import MotionTransform
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.machine import Body, ExcitationPoint, Machine
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stream follower as a table: what arrives, how it is judged, what is counted."""
 
-from identnl_ros.core.continuity import Arrival, StreamFollower, TAKEOVER_BLOCKS
+from identnl_ros.core.measurement.continuity import Arrival, StreamFollower, TAKEOVER_BLOCKS
 import pytest
 
 FIRST, IN_ORDER, AFTER_GAP = Arrival.FIRST, Arrival.IN_ORDER, Arrival.AFTER_GAP

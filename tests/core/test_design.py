@@ -4,21 +4,21 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.design import expectation, outlook
+from identnl_ros.core.design.design import expectation, outlook
+from identnl_ros.core.design.fisher import expected_information
+from identnl_ros.core.design.plan import Plan
+from identnl_ros.core.design.plan_search import compare
+from identnl_ros.core.design.planned_run import PlannedRun
+from identnl_ros.core.design.sensor_choice import sensor_importances
+from identnl_ros.core.design.sensor_information import sensor_information
 from identnl_ros.core.errors import LayoutError, MachineError
-from identnl_ros.core.excitation import multisine, sine
-from identnl_ros.core.fisher import expected_information
-from identnl_ros.core.layout import Layout, SensorKind
-from identnl_ros.core.likelihood import fit_likelihood
-from identnl_ros.core.machine import Body, ExcitationPoint, Machine
-from identnl_ros.core.measured_record import MeasuredRecord
-from identnl_ros.core.plan import Plan
-from identnl_ros.core.plan_search import compare
-from identnl_ros.core.planned_run import PlannedRun
-from identnl_ros.core.sensor_choice import sensor_importances
-from identnl_ros.core.sensor_information import sensor_information
-from identnl_ros.core.stand import SimulatedStand
+from identnl_ros.core.likelihood.likelihood import fit_likelihood
+from identnl_ros.core.measurement.layout import Layout, SensorKind
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.machine import Body, ExcitationPoint, Machine
+from identnl_ros.core.simulation.excitation import multisine, sine
+from identnl_ros.core.simulation.stand import SimulatedStand
 import numpy as np
 import pytest
 

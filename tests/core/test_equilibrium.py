@@ -4,11 +4,11 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.equilibrium import static_equilibrium
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.joints import GROUND, SpringDamper
-from identnl_ros.core.machine import Body, ConstantForce, Machine
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.equilibrium import static_equilibrium
+from identnl_ros.core.mechanics.joints import GROUND, SpringDamper
+from identnl_ros.core.mechanics.machine import Body, ConstantForce, Machine
 import numpy as np
 import pytest
 from scipy.optimize import brentq

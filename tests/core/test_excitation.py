@@ -3,7 +3,7 @@
 """Force signals against their definitions."""
 
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.excitation import (
+from identnl_ros.core.simulation.excitation import (
     Harmonics,
     Impulses,
     multisine,

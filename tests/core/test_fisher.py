@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Cramer-Rao bound of planned runs."""
 
-from identnl_ros.core.assembly import assemble
+from identnl_ros.core.design.fisher import expected_information
 from identnl_ros.core.errors import DataError, LayoutError
-from identnl_ros.core.excitation import multisine, sine
-from identnl_ros.core.fisher import expected_information
-from identnl_ros.core.layout import SensorKind
-from identnl_ros.core.likelihood import fit_likelihood
-from identnl_ros.core.likelihood_point import LikelihoodSettings
-from identnl_ros.core.sensor_unknown import SensorQuantity, shared_unknown
+from identnl_ros.core.likelihood.likelihood import fit_likelihood
+from identnl_ros.core.likelihood.likelihood_point import LikelihoodSettings
+from identnl_ros.core.measurement.layout import SensorKind
+from identnl_ros.core.measurement.sensor_unknown import SensorQuantity, shared_unknown
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.simulation.excitation import multisine, sine
 import numpy as np
 import pytest
 

@@ -4,14 +4,14 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.coefficients import Coefficient, Tie
 from identnl_ros.core.errors import DataError, MachineError
-from identnl_ros.core.force_derivatives import ForceDerivatives
-from identnl_ros.core.joints import Slideway
-from identnl_ros.core.machine import ConstantForce
-from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
-from identnl_ros.core.regression import PointwiseRegression
+from identnl_ros.core.estimation.regression import PointwiseRegression
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.coefficients import Coefficient, Tie
+from identnl_ros.core.mechanics.force_derivatives import ForceDerivatives
+from identnl_ros.core.mechanics.joints import Slideway
+from identnl_ros.core.mechanics.machine import ConstantForce
+from identnl_ros.core.pointwise.pointwise_identifier import PointwiseIdentifier
 import numpy as np
 import pytest
 

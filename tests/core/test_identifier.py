@@ -4,17 +4,17 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.blocks import MotionBlock
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.estimate import EstimateStatus
-from identnl_ros.core.excitation import multisine
-from identnl_ros.core.joints import GROUND, SpringDamper
-from identnl_ros.core.layout import Layout, SensorKind
-from identnl_ros.core.machine import Body, ConstantForce, ExcitationPoint, Machine
-from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
-from identnl_ros.core.regression import PointwiseRegression
-from identnl_ros.core.stand import SimulatedStand
+from identnl_ros.core.estimation.estimate import EstimateStatus
+from identnl_ros.core.estimation.regression import PointwiseRegression
+from identnl_ros.core.measurement.blocks import MotionBlock
+from identnl_ros.core.measurement.layout import Layout, SensorKind
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.joints import GROUND, SpringDamper
+from identnl_ros.core.mechanics.machine import Body, ConstantForce, ExcitationPoint, Machine
+from identnl_ros.core.pointwise.pointwise_identifier import PointwiseIdentifier
+from identnl_ros.core.simulation.excitation import multisine
+from identnl_ros.core.simulation.stand import SimulatedStand
 import numpy as np
 import pytest
 from scipy.stats import binom, kstest

@@ -5,7 +5,7 @@
 from fractions import Fraction
 from functools import reduce
 
-from identnl_ros.core.information import Information
+from identnl_ros.core.algebra.information import Information
 import numpy as np
 import pytest
 

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Merging, forgetting, shifting and eliminating on the factor: the same as on the rows."""
 
+from identnl_ros.core.algebra.information import Information, merge_by_name
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.information import Information, merge_by_name
 import numpy as np
 import pytest
 

@@ -8,7 +8,7 @@ Values and deviations are the certified ones, of 15 digits.
 
 from fractions import Fraction
 
-from identnl_ros.core.information import Information
+from identnl_ros.core.algebra.information import Information
 import numpy as np
 import pytest
 
@@ -192,7 +192,7 @@ def test_filip_to_nine_digits_where_the_rows_have_extended_precision(rows):
 
 def test_double_precision_alone_reaches_what_the_condition_allows(monkeypatch):
     # As where long double is no wider, or blocks are long.
-    monkeypatch.setattr('identnl_ros.core.triangle.EXTENDED_ROWS', 0)
+    monkeypatch.setattr('identnl_ros.core.algebra.triangle.EXTENDED_ROWS', 0)
     longley = np.column_stack((np.ones(16), LONGLEY[:, 1:]))
     for regressor, target, values, digits in (
         (longley, LONGLEY[:, 0], LONGLEY_VALUES, 10),

@@ -4,10 +4,10 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.joints import frame_about, SpringDamper
-from identnl_ros.core.machine import Body, Machine
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.joints import frame_about, SpringDamper
+from identnl_ros.core.mechanics.machine import Body, Machine
 import numpy as np
 import pytest
 from scipy.integrate import dblquad, quad

@@ -4,14 +4,14 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.continuity import Arrival, StreamFollower
-from identnl_ros.core.estimate import EstimateStatus
-from identnl_ros.core.excitation import multisine
-from identnl_ros.core.layout import SensorKind
-from identnl_ros.core.pointwise_identifier import PointwiseIdentifier
-from identnl_ros.core.stand import SimulatedStand
-from identnl_ros.core.transform import MotionTransform
+from identnl_ros.core.estimation.estimate import EstimateStatus
+from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
+from identnl_ros.core.measurement.layout import SensorKind
+from identnl_ros.core.measurement.transform import MotionTransform
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.pointwise.pointwise_identifier import PointwiseIdentifier
+from identnl_ros.core.simulation.excitation import multisine
+from identnl_ros.core.simulation.stand import SimulatedStand
 import numpy as np
 import pytest
 

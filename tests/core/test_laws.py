@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Force laws against complex-step and finite-difference derivatives and hand values."""
 
-from identnl_ros.core.laws import Law, LawKind
+from identnl_ros.core.mechanics.laws import Law, LawKind
 import numpy as np
 import pytest
 

@@ -4,15 +4,19 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import DataError, LayoutError
-from identnl_ros.core.excitation import multisine, sine
-from identnl_ros.core.layout import Layout, SensorKind
-from identnl_ros.core.likelihood import fit_likelihood
-from identnl_ros.core.likelihood_point import LikelihoodSettings
-from identnl_ros.core.measured_record import MeasuredRecord
-from identnl_ros.core.sensor_unknown import SensorQuantity, SensorUnknown, shared_unknown
-from identnl_ros.core.stand import SimulatedStand
+from identnl_ros.core.likelihood.likelihood import fit_likelihood
+from identnl_ros.core.likelihood.likelihood_point import LikelihoodSettings
+from identnl_ros.core.measurement.layout import Layout, SensorKind
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.measurement.sensor_unknown import (
+    SensorQuantity,
+    SensorUnknown,
+    shared_unknown,
+)
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.simulation.excitation import multisine, sine
+from identnl_ros.core.simulation.stand import SimulatedStand
 import numpy as np
 import pytest
 

@@ -5,7 +5,7 @@
 from dataclasses import replace
 
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.machine import Body, ConstantForce, ExcitationPoint, Machine
+from identnl_ros.core.mechanics.machine import Body, ConstantForce, ExcitationPoint, Machine
 import numpy as np
 import pytest
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The assembled equations of motion: rigid-body facts, energy, derivatives, a chain by hand."""
 
-from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.principal_axes import principal_axes
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.principal_axes import principal_axes
 import numpy as np
 import pytest
 from scipy.linalg import eigh

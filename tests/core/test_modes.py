@@ -4,11 +4,11 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.equilibrium import static_equilibrium
-from identnl_ros.core.joints import GROUND, SpringDamper
-from identnl_ros.core.machine import Body, Machine
-from identnl_ros.core.modes import modes, stiffest_state_matrix
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.equilibrium import static_equilibrium
+from identnl_ros.core.mechanics.joints import GROUND, SpringDamper
+from identnl_ros.core.mechanics.machine import Body, Machine
+from identnl_ros.core.mechanics.modes import modes, stiffest_state_matrix
 import numpy as np
 import pytest
 

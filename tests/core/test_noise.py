@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise found from the samples themselves, against noise of known size."""
 
-from identnl_ros.core.noise import NoiseEstimate
+from identnl_ros.core.measurement.noise import NoiseEstimate
 import numpy as np
 import pytest
 

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What noise adds to the moments of the regression, against many noisy transformed records."""
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.joints import GROUND, SpringDamper
-from identnl_ros.core.layout import SensorKind
-from identnl_ros.core.machine import Body, ExcitationPoint, Machine
-from identnl_ros.core.noise_bias import NoiseBias, NoiseCovariances
-from identnl_ros.core.observation import sensor_matrix
-from identnl_ros.core.regression import PointwiseRegression
+from identnl_ros.core.estimation.regression import PointwiseRegression
+from identnl_ros.core.measurement.layout import SensorKind
+from identnl_ros.core.measurement.observation import sensor_matrix
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.joints import GROUND, SpringDamper
+from identnl_ros.core.mechanics.machine import Body, ExcitationPoint, Machine
+from identnl_ros.core.pointwise.noise_bias import NoiseBias, NoiseCovariances
 import numpy as np
 import pytest
 

@@ -4,11 +4,11 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import LayoutError
-from identnl_ros.core.layout import Layout, Sensor, SensorKind
-from identnl_ros.core.observation import observe_force, observe_motion, sensor_matrix
-from identnl_ros.core.principal_axes import principal_axes
+from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.measurement.observation import observe_force, observe_motion, sensor_matrix
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.principal_axes import principal_axes
 import numpy as np
 import pytest
 

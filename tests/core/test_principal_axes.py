@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Principal axes: an eigenvalue problem with a fixed choice of order and sign."""
 
-from identnl_ros.core.principal_axes import principal_axes
+from identnl_ros.core.mechanics.principal_axes import principal_axes
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scatter of the estimates against a sandwich computed from all rows, and its coverage."""
 
-from identnl_ros.core.information import Information
-from identnl_ros.core.scatter import GROUPS_PER_UNKNOWN, Scatter
+from identnl_ros.core.algebra.information import Information
+from identnl_ros.core.pointwise.scatter import GROUPS_PER_UNKNOWN, Scatter
 import numpy as np
 import pytest
 from scipy.stats import binom, chi2

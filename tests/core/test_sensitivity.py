@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sensitivities against a closed form and against simulations with other values."""
 
-from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.excitation import multisine, sine
-from identnl_ros.core.sensitivity import VariedSimulation
-from identnl_ros.core.simulation import Simulation
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.simulation.excitation import multisine, sine
+from identnl_ros.core.simulation.sensitivity import VariedSimulation
+from identnl_ros.core.simulation.simulation import Simulation
 import numpy as np
 import pytest
 

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compiled integrator against closed forms and against independent integrators."""
 
-from identnl_ros.core.assembly import assemble
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.excitation import Impulses, multisine, sine, Sweep
-from identnl_ros.core.integrator import integrate, NODES
-from identnl_ros.core.joints import SpringDamper
-from identnl_ros.core.machine import Body, ExcitationPoint, Machine
-from identnl_ros.core.simulation import (
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.joints import SpringDamper
+from identnl_ros.core.mechanics.machine import Body, ExcitationPoint, Machine
+from identnl_ros.core.simulation.excitation import Impulses, multisine, sine, Sweep
+from identnl_ros.core.simulation.integrator import integrate, NODES
+from identnl_ros.core.simulation.simulation import (
     equations_of,
     LARGEST_MOTION,
     Simulation,

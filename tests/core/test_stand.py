@@ -4,12 +4,12 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.blocks import ChannelStatus
 from identnl_ros.core.errors import LayoutError
-from identnl_ros.core.excitation import multisine, sine, Sweep
-from identnl_ros.core.layout import Layout, Sensor, SensorKind
-from identnl_ros.core.stand import SimulatedStand
+from identnl_ros.core.measurement.blocks import ChannelStatus
+from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.simulation.excitation import multisine, sine, Sweep
+from identnl_ros.core.simulation.stand import SimulatedStand
 import numpy as np
 import pytest
 from scipy.stats import kstest

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finite differences and interpolation against textbook weights and polynomials."""
 
-from identnl_ros.core.stencils import stencil
+from identnl_ros.core.measurement.stencils import stencil
 import numpy as np
 import pytest
 from scipy.interpolate import BarycentricInterpolator

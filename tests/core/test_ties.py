@@ -4,11 +4,11 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.coefficients import Coefficient, Tie
-from identnl_ros.core.equilibrium import static_equilibrium
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.simulation import equations_of
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.coefficients import Coefficient, Tie
+from identnl_ros.core.mechanics.equilibrium import static_equilibrium
+from identnl_ros.core.simulation.simulation import equations_of
 import numpy as np
 import pytest
 

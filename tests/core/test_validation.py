@@ -4,15 +4,15 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.agreement import Agreement, STATED_DEGREES
-from identnl_ros.core.assembly import assemble
+from identnl_ros.core.algebra.quadratic_form import tail_probability
 from identnl_ros.core.errors import DataError, MachineError
-from identnl_ros.core.excitation import multisine
-from identnl_ros.core.layout import Layout, SensorKind
-from identnl_ros.core.measured_record import MeasuredRecord
-from identnl_ros.core.quadratic_form import tail_probability
-from identnl_ros.core.stand import SimulatedStand
-from identnl_ros.core.validation import covariance_root, Validation
+from identnl_ros.core.measurement.layout import Layout, SensorKind
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.simulation.excitation import multisine
+from identnl_ros.core.simulation.stand import SimulatedStand
+from identnl_ros.core.validation.agreement import Agreement, STATED_DEGREES
+from identnl_ros.core.validation.validation import covariance_root, Validation
 import numpy as np
 import pytest
 from scipy import stats

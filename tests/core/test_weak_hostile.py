@@ -4,11 +4,11 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.estimate import EstimateStatus
-from identnl_ros.core.excitation import multisine
-from identnl_ros.core.layout import Layout
-from identnl_ros.core.stand import SimulatedStand
+from identnl_ros.core.estimation.estimate import EstimateStatus
+from identnl_ros.core.measurement.layout import Layout
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.simulation.excitation import multisine
+from identnl_ros.core.simulation.stand import SimulatedStand
 import numpy as np
 import pytest
 

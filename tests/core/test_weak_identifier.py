@@ -4,12 +4,12 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.estimate import EstimateStatus
-from identnl_ros.core.excitation import multisine, sine
-from identnl_ros.core.fisher import expected_information
-from identnl_ros.core.layout import Layout
-from identnl_ros.core.weak_identifier import WeakIdentifier
+from identnl_ros.core.design.fisher import expected_information
+from identnl_ros.core.estimation.estimate import EstimateStatus
+from identnl_ros.core.measurement.layout import Layout
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.simulation.excitation import multisine, sine
+from identnl_ros.core.weak.weak_identifier import WeakIdentifier
 from identnl_ros.storage.state_file import load_state, save_state
 import numpy as np
 import pytest

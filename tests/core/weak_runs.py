@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records and runs that the tests of the weak identifier share."""
 
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.excitation import multisine, sine
-from identnl_ros.core.layout import SensorKind
-from identnl_ros.core.stand import SimulatedStand
-from identnl_ros.core.weak_identifier import WeakIdentifier
+from identnl_ros.core.measurement.layout import SensorKind
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.simulation.excitation import multisine, sine
+from identnl_ros.core.simulation.stand import SimulatedStand
+from identnl_ros.core.weak.weak_identifier import WeakIdentifier
 import numpy as np
 
 from tests.core.machines import (

@@ -23,8 +23,8 @@ from identnl_msgs.msg import (  # noqa: E402
     SampleBlock as SampleBlockMessage,
     StandDescription as StandDescriptionMessage,
 )
-from identnl_ros.core.blocks import SampleBlock  # noqa: E402
-from identnl_ros.core.estimate import Estimate  # noqa: E402
+from identnl_ros.core.estimation.estimate import Estimate  # noqa: E402
+from identnl_ros.core.measurement.blocks import SampleBlock  # noqa: E402
 from identnl_ros.nodes import qos  # noqa: E402
 from identnl_ros.nodes.estimate_conversion import estimate_from_message  # noqa: E402
 from identnl_ros.storage.stand_description import StandDescription  # noqa: E402
@@ -43,9 +43,9 @@ RUN = {'duration': 1.0, 'sample_rate': 5000.0, 'seed': 3, 'excitation': 'multisi
 # many threads of linear algebra as the nodes have, since rounding depends on them.
 OFFLINE = """
 import pickle, sys
-from identnl_ros.core.identifier import identifier_for
-from identnl_ros.core.assembly import assemble
-from identnl_ros.core.transform import MotionTransform
+from identnl_ros.core.estimation.identifier import identifier_for
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.measurement.transform import MotionTransform
 from identnl_ros.sources.simulated import Excitation, SimulatedSource, TestRun
 from identnl_ros.storage.layout_file import load_layout
 from identnl_ros.storage.machine_file import load_machine

@@ -5,14 +5,14 @@
 
 from dataclasses import fields, replace
 
-from identnl_ros.core.blocks import MotionBlock, SampleBlock
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.estimate import (
+from identnl_ros.core.estimation.estimate import (
     CombinationEstimate,
     Estimate,
     EstimateStatus,
     ParameterEstimate,
 )
+from identnl_ros.core.measurement.blocks import MotionBlock, SampleBlock
 import numpy as np
 import pytest
 

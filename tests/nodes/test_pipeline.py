@@ -3,7 +3,7 @@
 
 """A live stand, a replayed bag and the core alone give the same bits."""
 
-from identnl_ros.core.assembly import assemble
+from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.storage.bag_reader import open_bag, read_estimates
 from identnl_ros.storage.machine_file import load_machine
 import pytest

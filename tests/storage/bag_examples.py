@@ -4,8 +4,8 @@
 
 from pathlib import Path
 
-from identnl_ros.core.blocks import SampleBlock, stamp_after
-from identnl_ros.core.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.measurement.blocks import SampleBlock, stamp_after
+from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.message_types import (
     definition_text,

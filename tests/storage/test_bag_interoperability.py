@@ -10,9 +10,9 @@ import struct
 import subprocess
 import sys
 
-from identnl_ros.core.blocks import SampleBlock
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.estimate import CombinationEstimate, EstimateStatus
+from identnl_ros.core.estimation.estimate import CombinationEstimate, EstimateStatus
+from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.storage.bag_reader import open_bag, read_estimates
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.cdr import MessageDecoder

@@ -5,9 +5,9 @@
 from dataclasses import replace
 import resource
 
-from identnl_ros.core.blocks import ChannelStatus
 from identnl_ros.core.errors import DataError, LayoutError
-from identnl_ros.core.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.measurement.blocks import ChannelStatus
+from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.csv_import import import_csv, Imported, read_csv
 import numpy as np

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from identnl_ros.core.errors import LayoutError
-from identnl_ros.core.layout import SensorKind
+from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.storage.layout_file import default_layout_path, load_layout, read_layout
 from identnl_ros.storage.machine_file import load_machine
 import numpy as np

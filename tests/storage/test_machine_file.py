@@ -5,8 +5,8 @@
 import math
 from pathlib import Path
 
-from identnl_ros.core.coefficients import Coefficient, Tie
 from identnl_ros.core.errors import MachineError
+from identnl_ros.core.mechanics.coefficients import Coefficient, Tie
 from identnl_ros.storage import layout_file, machine_file
 from identnl_ros.storage.layout_file import default_layout_path
 from identnl_ros.storage.machine_file import load_machine, read_machine

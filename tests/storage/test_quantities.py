@@ -4,7 +4,7 @@
 
 import math
 
-from identnl_ros.core.coefficients import Tie
+from identnl_ros.core.mechanics.coefficients import Tie
 from identnl_ros.storage.quantities import coefficients, convert, direction, Quantity
 import numpy as np
 import pytest

@@ -4,11 +4,11 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.algebra.information import Information
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.identifier_state import IdentifierState
-from identnl_ros.core.information import Information
-from identnl_ros.core.noise_bias import SlopeSums
-from identnl_ros.core.scatter import Scatter
+from identnl_ros.core.pointwise.identifier_state import IdentifierState
+from identnl_ros.core.pointwise.noise_bias import SlopeSums
+from identnl_ros.core.pointwise.scatter import Scatter
 from identnl_ros.storage.state_file import load_state, save_state
 import numpy as np
 import pytest

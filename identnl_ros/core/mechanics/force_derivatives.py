@@ -1,0 +1,94 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""How the equations of motion depend on the unknowns."""
+
+from dataclasses import dataclass
+
+from identnl_ros.core.mechanics.inner_slopes import exponent_slope, preload_slope
+from identnl_ros.core.mechanics.joint_terms import EXPONENT
+from identnl_ros.core.mechanics.model import InnerLink, Model, Term
+import numpy as np
+from numpy.typing import NDArray
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ForceDerivatives:
+    """
+    Derivatives of the left-hand side of the equations of motion by the unknowns.
+
+    Left-hand side: inertia and joint forces minus constant loads, (1) of Berczynski et al. (2010).
+    It is linear in coefficients, whose derivatives do not depend on their values; not so in
+    preloads and exponents.
+
+    Parameters
+    ----------
+    model : Model
+        Its values are those at which the derivatives are taken.
+
+    """
+
+    model: Model
+
+    def of_motion(self, displacement: Reals, velocity: Reals, acceleration: Reals) -> Reals:
+        """
+        Differentiate at a number of states.
+
+        Parameters
+        ----------
+        displacement, velocity, acceleration : ndarray, shape (n_states, n_coordinates)
+
+        Returns
+        -------
+        ndarray, shape (n_states, n_coordinates, n_unknowns)
+            [N or N m, per unit of the unknown].
+
+        """
+        model = self.model
+        column = {parameter: i for i, parameter in enumerate(model.estimated)}
+        derivatives = np.zeros((*displacement.shape, len(column)))
+        for index, lines in self._on_lines(displacement, velocity, column).items():
+            derivatives[:, :, index] = (
+                np.column_stack(list(lines.values())) @ model.lines[list(lines)]
+            )
+        for parameter, diagonal in model.mass_vectors:
+            if parameter in column:
+                derivatives[:, :, column[parameter]] += diagonal * acceleration
+        for load in model.loads:
+            if load.parameter in column:
+                derivatives[:, :, column[load.parameter]] -= load.vector
+        return derivatives
+
+    def _on_lines(
+        self, displacement: Reals, velocity: Reals, column: dict[int, int]
+    ) -> dict[int, dict[int, Reals]]:
+        """Differentiate the forces along the lines: by column, then line."""
+        model = self.model
+        deformation = model.lines @ displacement.T
+        rate = model.lines @ velocity.T
+        found: dict[int, dict[int, Reals]] = {}
+
+        def add(parameter: int, line: int, derivative: Reals) -> None:
+            lines = found.setdefault(column[parameter], {})
+            lines[line] = lines[line] + derivative if line in lines else derivative
+
+        for term in model.terms:
+            line = term.line
+            if term.parameter in column:
+                force = term.law.force(deformation[line], rate[line])
+                add(term.parameter, line, term.factor * force)
+            for link in term.inner:
+                slope = self._inner_slope(term, link, deformation[line])
+                add(link.parameter, line, link.times * slope)
+        return found
+
+    def _inner_slope(self, term: Term, link: InnerLink, deformation: Reals) -> Reals:
+        """Differentiate the force of a term by a number in its law."""
+        locked_in = self.model.machine.gravity is None
+        coefficient = self.model.parameters[term.parameter].value
+        if link.key == EXPONENT:
+            by_factor = term.factor_slope * term.law.force(deformation, deformation)
+            by_law = term.factor * exponent_slope(term.law, deformation, locked_in)
+            return coefficient * (by_factor + by_law)
+        return coefficient * term.factor * preload_slope(term.law, deformation, locked_in)

@@ -1,0 +1,477 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""
+Recursive estimation along a stream of records, in memory that does not grow.
+
+The first samples are kept until they have given a start, and gone over again while the estimates
+still move by more than their errors; from then on every part of the stream is used once.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+from identnl_ros.core.algebra.information import Information
+from identnl_ros.core.errors import IdentnlError, MachineError
+from identnl_ros.core.estimation.force_noise import force_noise_effect, ForceNoise
+from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
+from identnl_ros.core.measurement.motion_record import MotionRecord
+from identnl_ros.core.measurement.motion_weights import MotionWeights, noise_covariance
+from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.weak.response_fit import FORCE_MARGIN, ResponseFit
+from identnl_ros.core.weak.response_search import (
+    CHUNK,
+    Search,
+    search,
+    search_by_lengths,
+    State,
+    statistics_for,
+    WeighedRecord,
+)
+from identnl_ros.core.weak.weak_start import weak_form_start
+from identnl_ros.core.weak.weak_state import WeakState
+from identnl_ros.core.weak.weighting_function import bandwidth, weighting_function_for
+import numpy as np
+from numpy.typing import NDArray
+
+Reals = NDArray[np.float64]
+
+# Samples at which a start is tried first; then at twice as many, and so on.
+FIRST_START = 2048
+# Samples kept to go over them again.
+KEPT = 2**15
+# When there are twice as many samples as when they were gone over last, a change of the values by
+# this many standard errors is worth another pass: what was learned at the old values is wrong to
+# second order.
+WORTH_A_PASS = 0.3
+# Second-order effects of a relative change this small are beyond double precision.
+NEGLIGIBLE = 1e-8
+# Samples on which the effect of force noise is studied at most.
+LONGEST_FORCE_STUDY = 2**13
+# A record shorter than this many test functions tells little more than its initial state.
+SHORTEST_RECORD = 2
+
+
+@dataclass(frozen=True)
+class Noise:
+    """
+    What is stated of the noise of measured motion.
+
+    Parameters
+    ----------
+    covariances : tuple of 3 ndarray, shape (n, n)
+        Of displacement, velocity, acceleration at one sample; NaN: to be estimated.
+    force : ndarray, shape (n_excitations, n_excitations)
+        Covariance of the force at one sample; NaN: to be estimated.
+    derived : tuple of 3 bool
+        Differentiated, at least partly, rather than measured.
+
+    """
+
+    covariances: tuple[Reals, Reals, Reals]
+    force: Reals
+    derived: tuple[bool, bool, bool]
+
+    def weigh(self, record: MotionRecord) -> WeighedRecord:
+        """
+        Find weights and test function of a record.
+
+        Parameters
+        ----------
+        record : MotionRecord
+
+        Returns
+        -------
+        WeighedRecord
+
+        """
+        weights = MotionWeights.of(record, self.covariances, self.derived)
+        white = record.bridged().displacement @ weights.matrices[0][1].T
+        frequency = bandwidth(white, record.sample_rate, 0)
+        function = weighting_function_for(frequency, record.sample_rate)
+        return WeighedRecord(record, weights, function)
+
+
+@dataclass
+class _Run:
+    """
+    An uninterrupted record on its way through the recursion.
+
+    Parameters
+    ----------
+    record : MotionRecord
+    noise : Noise
+    weighed : WeighedRecord or None
+        Its weights and test function, once there is enough of it to find them.
+    state : tuple of ndarray or None
+        Estimated state at the first sample that is used.
+    fit : ResponseFit or None
+        While the run grows.
+    position : int
+        Samples used.
+    waiting : list of MotionRecord
+        What follows the record, less than a chunk.
+
+    """
+
+    record: MotionRecord
+    noise: Noise
+    weighed: WeighedRecord | None = None
+    state: State | None = None
+    fit: ResponseFit | None = None
+    position: int = 0
+    waiting: list[MotionRecord] = field(default_factory=list)
+
+    def join(self) -> None:
+        """Make what waits part of the record."""
+        if self.waiting:
+            self.record = self.record.followed_by(*self.waiting)
+            self.waiting = []
+
+    @property
+    def whole(self) -> WeighedRecord:
+        """The whole record, weighed as its beginning was."""
+        if self.weighed is None:
+            raise AssertionError('a record that has not been weighed')
+        return replace(self.weighed, record=self.record)
+
+    def weigh(self, anew: bool) -> bool:
+        """Find the weights; False where the record tells little more than its initial state."""
+        if not self.position and len(self.record):
+            # Without a valid reading there is nothing to begin with.
+            begin = int(np.argmax(self.record.valid))
+            self.record = self.record.part(begin, len(self.record))
+        if np.count_nonzero(self.record.valid) < 4 * FORCE_MARGIN:
+            return False
+        if anew or self.weighed is None:
+            self.weighed = self.noise.weigh(self.record)
+            self.state = None
+        length = 2 * self.weighed.function.half_length
+        if self.whole.end - self.whole.first < SHORTEST_RECORD * length:
+            self.weighed = None
+            return False
+        if self.state is None:
+            self.state = self.whole.initial_state()
+        return True
+
+    def skip_rest(self) -> None:
+        """Leave out chunks before the machine begins to move: they tell nothing."""
+        begin = 0
+        length = CHUNK + self.whole.first + FORCE_MARGIN
+        while begin + CHUNK + length < len(self.record):
+            part = self.record.part(begin, begin + length)
+            if replace(self.whole, record=part).moves:
+                break
+            begin += CHUNK
+        if begin:
+            self.record, self.state = self.record.part(begin, len(self.record)), None
+
+
+class Recursion:
+    """
+    Estimates along a stream.
+
+    Parameters
+    ----------
+    model : Model
+        Unknown preloads and exponents start from its values; no other unknown value is used.
+    memory : float or None
+        Time after which what was learned counts 1/e as much [s]; None: nothing is forgotten.
+
+    """
+
+    def __init__(self, model: Model, memory: float | None) -> None:
+        self._described = model
+        self._memory = memory
+        self._begin('too few samples yet')
+
+    def _begin(self, failure: str) -> None:
+        self.model = self._described
+        self.failure = failure
+        self.started = self.tried = False
+        self.perfect = False
+        self.fitted = 0
+        self.statistics = ResidualStatistics(0, 1)
+        self.force_noise = ForceNoise.none(len(self.model.estimated))
+        self.weighed: WeighedRecord | None = None
+        # Complete runs, until there are too many samples to keep, and the one that still grows.
+        self._kept: list[_Run] | None = []
+        self._run: _Run | None = None
+        self._next_start = FIRST_START
+        self._gone_over = 0
+        self._reference = self.values
+        self._earlier = Information.empty(len(self.model.estimated))
+
+    @property
+    def values(self) -> Reals:
+        """Present values of the unknowns."""
+        return self.model.values[list(self.model.estimated)]
+
+    @property
+    def information(self) -> Information:
+        """On the differences of the unknowns from the values of `model`."""
+        fit = self._run.fit if self._run is not None else None
+        return self._earlier if fit is None else self._earlier.merged(fit.unknowns)
+
+    def add(self, record: MotionRecord, noise: Noise) -> None:
+        """
+        Go on with samples that follow those before.
+
+        Parameters
+        ----------
+        record : MotionRecord
+        noise : Noise
+            Counts where nothing came before.
+
+        """
+        # Whole chunks, counted from where the run begins: how the stream arrives changes nothing.
+        first = 0
+        while first < len(record):
+            if self._run is None:
+                self._run = _Run(record.part(0, 0), noise)
+            waiting = sum(map(len, self._run.waiting))
+            end = min(first + CHUNK - waiting, len(record))
+            self._run.waiting.append(record.part(first, end))
+            if waiting + end - first == CHUNK:
+                self._run.join()
+                self._work(final=False)
+            first = end
+
+    def resume(self, state: WeakState) -> None:
+        """
+        Go on from what was learned before.
+
+        Parameters
+        ----------
+        state : WeakState
+
+        """
+        self.model = self.model.with_unknowns(state.values)
+        self._earlier = state.information
+        self.started, self.failure = True, ''
+        self.statistics = ResidualStatistics.of(state.statistics, state.average)
+        self.fitted = state.fitted
+        self.force_noise = state.force_noise
+        self.perfect = state.perfect
+        self._kept = None
+
+    def close(self) -> None:
+        """Use up the present run; what comes next does not follow it."""
+        if self._run is None:
+            return
+        self._run.join()
+        if self.started:
+            self._work(final=True)
+        run = self._run
+        if run is None:
+            return
+        self._earlier, run.fit, self._run = self.information, None, None
+        self.statistics.restart()
+        if self._kept is not None:
+            self._kept.append(run)
+
+    def finish(self, start: bool = True) -> None:
+        """
+        Use whatever samples there are.
+
+        Parameters
+        ----------
+        start : bool
+            Search for a start if there is none yet, however few samples there are; that takes
+            its time.
+
+        """
+        if self._run is not None:
+            self._run.join()
+        if self.started or start:
+            self._work(final=True)
+
+    def _work(self, final: bool) -> None:
+        if not self.started:
+            self._start(final)
+        while self.started and self._advance(final):
+            self._go_over_again_if_moved()
+        self._let_go()
+
+    def _start(self, final: bool) -> None:
+        """Try to find values from which a simulation follows the samples kept."""
+        count = sum(len(run.record) for run in self._runs)
+        if count < self._next_start and not final:
+            return
+        self.tried = True
+        # Later samples may be better ones: never give up.
+        self._next_start = min(2 * self._next_start, KEPT)
+        try:
+            for run in self._runs:
+                if run.weigh(anew=True):
+                    run.skip_rest()
+            runs = [run for run in self._runs if run.weigh(anew=True)]
+            if runs and not any(run.whole.moves for run in runs):
+                self.failure = 'the motion does not stand out of the noise of its sensors'
+            elif runs:
+                first = runs[0].whole
+                records = [run.record for run in runs]
+                model = weak_form_start(self._described, records, first.weights, first.function)
+                states = [run.state for run in runs if run.state is not None]
+                discount = self._discount(runs[0].record)
+                found = search_by_lengths(model, [run.whole for run in runs], states, discount)
+                self._take(found, runs)
+        except (IdentnlError, np.linalg.LinAlgError) as error:
+            self.failure = f'no values were found from which a simulation could go on ({error})'
+
+    def _take(self, found: Search, runs: Sequence[_Run]) -> None:
+        """Go on from where a search has come to."""
+        self.failure = found.reason
+        self.started = found.converged
+        self.statistics = found.statistics
+        self.weighed = runs[-1].whole
+        self.perfect = any(run.whole.weights.perfect for run in runs)
+        self.model = found.fits[-1].model
+        unknowns = len(self.model.estimated)
+        self.fitted = unknowns
+        self._earlier = Information.empty(unknowns)
+        for run, fit in zip(runs, found.fits, strict=True):
+            self.fitted += fit.information.size - unknowns
+            run.state = fit.initial_state
+            if run is self._run:
+                run.fit, run.position = fit, run.whole.end
+            else:
+                self._earlier = self._earlier.merged(fit.unknowns)
+        self._gone_over = sum(len(run.record) for run in self._runs)
+        self._reference = self.values
+        self._move()
+        if self.started:
+            self._weigh_force_noise(max(runs, key=lambda run: len(run.record)))
+
+    def _weigh_force_noise(self, run: _Run) -> None:
+        """Find what noise of the measured force adds to the errors."""
+        whole = run.whole
+        if run.state is None:
+            return
+        noise = run.noise.force
+        if np.isnan(noise).any():
+            noise = noise_covariance(run.record.force)
+        with suppress(MachineError):
+            self.force_noise = force_noise_effect(
+                self.model,
+                whole.weights.matrices,
+                run.record.force[whole.first : whole.first + LONGEST_FORCE_STUDY],
+                noise,
+                run.record.sample_rate,
+                run.state,
+                whole.function.stride,
+            )
+
+    def _advance(self, final: bool) -> bool:
+        """Use the next chunk of the present run, if there is one."""
+        run = self._run
+        if run is None:
+            return False
+        inside = len(run.record) - FORCE_MARGIN
+        try:
+            if run.fit is None and (final or inside >= CHUNK) and run.weigh(anew=False):
+                self._enter(run)
+        except (IdentnlError, np.linalg.LinAlgError) as error:
+            self._give_up(run, len(run.record), str(error))
+            return False
+        end = min(run.position + CHUNK, inside)
+        if run.fit is None or end <= run.position or (end < run.position + CHUNK and not final):
+            return False
+        share = self._discount(run.record)
+        if share < 1:
+            self._earlier = self._earlier.discounted(share)
+            run.fit.information = run.fit.information.discounted(share)
+            self.statistics.discount(share)
+        try:
+            deviation = run.fit.advance(run.record, run.position, end)
+        except IdentnlError as error:
+            self._give_up(run, end, str(error))
+            return False
+        run.position = end
+        self.statistics.add(deviation.after(self._move()), run.whole.weights.places)
+        return True
+
+    def _give_up(self, run: _Run, end: int, reason: str) -> None:
+        """Start anew behind samples that cannot be simulated with the present values."""
+        self._begin(reason)
+        self._run = _Run(run.record.part(end, len(run.record)), run.noise)
+
+    def _enter(self, run: _Run) -> None:
+        """Begin to simulate a run at the present values."""
+        self.weighed = run.whole
+        if not self.statistics.channels:
+            self.statistics = statistics_for(run.whole)
+        # Of the initial state little is known: the first samples are gone over until it fits.
+        beginning = run.whole.beginning(CHUNK)
+        found = search_by_lengths(
+            self.model, [beginning], [beginning.initial_state()], known=self._earlier
+        )
+        (run.fit,) = found.fits
+        self._earlier = self._earlier.shifted(run.fit.values - self.values)
+        self.model = run.fit.model
+        run.state, run.position = run.fit.initial_state, beginning.end
+        self.statistics.merge(found.statistics)
+        self.fitted += run.fit.information.size - len(self.model.estimated)
+        self._move()
+
+    def _move(self) -> Reals:
+        """Linearise about the present estimate; give the step, initial state included."""
+        unknowns = self.information.solve().values
+        run = self._run
+        step = unknowns
+        # Where a number would leave its range, the values stay what they are.
+        with suppress(MachineError):
+            if run is None or run.fit is None:
+                self.model = self.model.with_unknowns(self.values + unknowns)
+            else:
+                step = run.fit.difference(unknowns)
+                run.fit.move(step)
+                run.state, self.model = run.fit.initial_state, run.fit.model
+            self._earlier = self._earlier.shifted(unknowns)
+        return step
+
+    def _go_over_again_if_moved(self) -> None:
+        count = sum(len(run.record) for run in self._runs)
+        if self._kept is None or count < 2 * self._gone_over:
+            return
+        moved = np.abs(self.values - self._reference)
+        solution = self.information.solve()
+        deviation = np.sqrt(np.maximum(np.diag(solution.inverse), 0.0))
+        negligible = moved <= NEGLIGIBLE * np.abs(self.values)
+        if np.all((moved <= WORTH_A_PASS * deviation) | solution.free | negligible):
+            return
+        runs = [run for run in self._runs if run.weigh(anew=False)]
+        with suppress(IdentnlError):
+            states = [run.state for run in runs if run.state is not None]
+            discount = self._discount(runs[0].record)
+            records = [run.whole for run in runs]
+            found = search(self.model, records, states, discount, WORTH_A_PASS)
+            if found.converged:
+                self._take(found, runs)
+
+    def _let_go(self) -> None:
+        """Keep no more samples than memory is meant for."""
+        if sum(len(run.record) for run in self._runs) > KEPT:
+            if self.started:
+                self._kept = None
+            elif self._kept:
+                self._kept = self._kept[1:]
+            elif self._run is not None:
+                count = len(self._run.record)
+                self._run.record = self._run.record.part(count - KEPT // 2, count)
+        run = self._run
+        if self._kept is None and run is not None and run.fit is not None:
+            used = max(run.position - FORCE_MARGIN, 0)
+            run.record = run.record.part(used, len(run.record))
+            run.position -= used
+
+    @property
+    def _runs(self) -> list[_Run]:
+        """All runs that are kept, the open one last."""
+        return [*(self._kept or []), *([] if self._run is None else [self._run])]
+
+    def _discount(self, record: MotionRecord) -> float:
+        """Weight of what was learned before a chunk."""
+        if self._memory is None:
+            return 1.0
+        return float(np.exp(-CHUNK / (record.sample_rate * self._memory)))

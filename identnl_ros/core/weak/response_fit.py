@@ -1,0 +1,217 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""
+Measured against simulated motion, linearised: one Gauss-Newton step of the likelihood, streamed.
+
+The machine is simulated under the measured force. What the measured motion differs from the
+simulated one is, to first order, linear in the errors of the unknowns and of the initial state;
+the noise of the sensors enters it linearly too, and white. So the rows collected here have no
+noise in the regressor, which is what biases regressions on the measured motion, and least squares
+on them is efficient. After every part the simulation may go on with better values: its state moves
+by what the derivatives say, and no sample is needed again.
+"""
+
+from dataclasses import dataclass
+
+from identnl_ros.core.algebra.information import Information
+from identnl_ros.core.errors import MachineError
+from identnl_ros.core.measurement.motion_record import MotionRecord
+from identnl_ros.core.measurement.motion_weights import MotionWeights
+from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.simulation.excitation import RecordedForce
+from identnl_ros.core.simulation.sensitivity import STEP_LIMIT, VariedSimulation
+from identnl_ros.core.simulation.simulation import STEP_LIMIT as EXACT_STEP_LIMIT
+from identnl_ros.core.simulation.tangent_response import TangentResponse
+import numpy as np
+from numpy.typing import NDArray
+
+Reals = NDArray[np.float64]
+
+# Samples of force around a part beyond which they do not matter to its interpolation.
+FORCE_MARGIN = 40
+# Beyond this nothing can be learned, and squares overflow soon.
+LARGEST_DERIVATIVE = 1e60
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """
+    Measured less simulated motion, in units of the noise.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_samples, n_channels)
+        NaN where there is no valid measurement.
+    derivatives : ndarray, shape (n_samples, n_channels, n_unknowns + 2 n_coordinates)
+        Of the simulated motion by the unknowns and the initial state.
+
+    """
+
+    values: Reals
+    derivatives: Reals
+
+    def after(self, difference: Reals) -> Reals:
+        """
+        Evaluate, to first order, what is left at other values.
+
+        Parameters
+        ----------
+        difference : ndarray, shape (n_unknowns + 2 n_coordinates,)
+
+        Returns
+        -------
+        ndarray, shape (n_samples, n_channels)
+
+        """
+        return np.asarray(self.values - self.derivatives @ difference)
+
+
+class ResponseFit:
+    """
+    Simulation of one uninterrupted record and what its deviation says about the unknowns.
+
+    Parameters
+    ----------
+    model : Model
+        Values to linearise about.
+    weights : MotionWeights
+    sample_rate : float
+        [Hz].
+    displacement, velocity : ndarray, shape (n_coordinates,)
+        State of the simulation at the first sample.
+
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        weights: MotionWeights,
+        sample_rate: float,
+        displacement: Reals,
+        velocity: Reals,
+    ) -> None:
+        self.model = model
+        self._weights = weights
+        self._rate = sample_rate
+        self._state = self.initial_state = displacement, velocity
+        self._response = TangentResponse(model, 1 / sample_rate)
+        self._limit = EXACT_STEP_LIMIT if weights.quiet else STEP_LIMIT
+        n = len(model.coordinates)
+        # About differences from the present values: unknowns, initial displacement and velocity.
+        self.information = Information.empty(len(model.estimated) + 2 * n)
+
+    @property
+    def values(self) -> Reals:
+        """Of the unknowns, about which it is linearised."""
+        return self.model.values[list(self.model.estimated)]
+
+    @property
+    def unknowns(self) -> Information:
+        """What the record says about the unknowns, whatever its initial state was."""
+        return self.information.marginalised(range(len(self.model.estimated)))
+
+    def advance(self, record: MotionRecord, first: int, end: int) -> Deviation:
+        """
+        Take the next samples.
+
+        Parameters
+        ----------
+        record : MotionRecord
+            With `FORCE_MARGIN` samples around those to take, as far as there are any.
+        first, end : int
+            The samples to take.
+
+        Returns
+        -------
+        Deviation
+
+        Raises
+        ------
+        MachineError
+            If the simulation grows beyond all bounds: the values are no good.
+
+        """
+        low, high = max(first - FORCE_MARGIN, 0), min(end + FORCE_MARGIN, len(record))
+        simulation = VariedSimulation(
+            self.model,
+            tuple(RecordedForce(force, self._rate) for force in record.force[low:high].T),
+            1 / self._rate,
+            *self._state,
+            start=(first - low) / self._rate,
+            step_limit=self._limit,
+            sensitive=False,
+        )
+        motion = simulation.advance(end - first).motion
+        self._state = simulation.displacement, simulation.velocity
+        following = np.stack((*self._state, motion[-1, 2]))
+        whole = np.concatenate((motion, following[np.newaxis]))
+        derivatives = self._response.advance(whole[:, 0], whole[:, 1], whole[:, 2])
+        if not np.abs(derivatives).max(initial=0.0) < LARGEST_DERIVATIVE:
+            raise MachineError(
+                f'machine {self.model.machine.name}: a small change of the unknowns grows without '
+                'bound'
+            )
+        measured = record.displacement, record.velocity, record.acceleration
+        blocks, targets = [], []
+        for kind, matrix in self._weights.matrices:
+            targets.append((measured[kind][first:end] - motion[:, kind]) @ matrix.T)
+            blocks.append(np.matmul(matrix, derivatives[:, kind]))
+        deviation = Deviation(np.concatenate(targets, axis=1), np.concatenate(blocks, axis=1))
+        valid = np.isfinite(deviation.values).all(axis=1)
+        if valid.any():
+            regressor = deviation.derivatives[valid].reshape(-1, self.information.size)
+            self.information = self.information.with_rows(
+                regressor, deviation.values[valid].reshape(-1)
+            )
+        return deviation
+
+    def difference(self, unknowns: Reals) -> Reals:
+        """
+        Complete a change of the unknowns by that of the initial state which then fits best.
+
+        Parameters
+        ----------
+        unknowns : ndarray, shape (n_unknowns,)
+
+        Returns
+        -------
+        ndarray, shape (n_unknowns + 2 n_coordinates,)
+
+        """
+        count = len(unknowns)
+        table = self.information.factor
+        target = table[:, -1] - table[:, :count] @ unknowns
+        states = table[:, count:-1]
+        lengths = np.linalg.norm(states, axis=0)
+        lengths[lengths == 0] = 1.0
+        state = np.linalg.lstsq(states / lengths, target, rcond=1e-11)[0] / lengths
+        return np.concatenate((unknowns, state))
+
+    def move(self, difference: Reals) -> None:
+        """
+        Linearise about other values from now on.
+
+        Parameters
+        ----------
+        difference : ndarray, shape (n_unknowns + 2 n_coordinates,)
+            Of the unknowns and the initial state, from the present ones.
+
+        Raises
+        ------
+        MachineError
+            If a number leaves its range.
+
+        """
+        unknowns = len(self.model.estimated)
+        values = self.model.values
+        values[list(self.model.estimated)] += difference[:unknowns]
+        self.model = self.model.with_values(values)
+        n = len(self._state[0])
+        self.initial_state = (
+            self.initial_state[0] + difference[-2 * n : -n],
+            self.initial_state[1] + difference[-n:],
+        )
+        changes = self._response.present @ difference
+        self._state = self._state[0] + changes[0], self._state[1] + changes[1]
+        self._response.use(self.model)
+        self.information = self.information.shifted(difference)

@@ -48,9 +48,11 @@ class Interruption:
         for number in before:
             signal.signal(number, self._note)
         signal.signal(signal.SIGALRM, self._interrupt)
+        sys.unraisablehook = self._repeat
         try:
             yield
         finally:
+            sys.unraisablehook = sys.__unraisablehook__
             signal.setitimer(signal.ITIMER_REAL, 0)
             for number, handler in before.items():
                 signal.signal(number, handler)
@@ -61,6 +63,13 @@ class Interruption:
             return
         self.number, self._since = number, now
         self._interrupt(number, frame)
+
+    def _repeat(self, ignored: 'sys.UnraisableHookArgs') -> None:
+        """Interrupt once more: the last time it was where Python throws exceptions away."""
+        if self.number and isinstance(ignored.exc_value, KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, POSTPONED)
+        else:
+            sys.__unraisablehook__(ignored)
 
     def _interrupt(self, _number: int, frame: FrameType | None) -> None:
         while frame is not None:

@@ -4,12 +4,14 @@
 
 import importlib.util
 import json
+import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
 
+from identnl_ros.cli.main import Interruption
 import pytest
 
 LONG = ('--duration', '100000', '--noise', 'none')
@@ -63,6 +65,22 @@ def test_interrupted_simulation_leaves_nothing(begin, config, tmp_path, number, 
     assert json.loads(stdout) == {'error': 'interrupted'}
     assert stderr == 'interrupted\n'
     assert not list(tmp_path.iterdir())
+
+
+def test_interrupt_that_python_throws_away_comes_again():
+    class Ending:
+        def __del__(self):
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.01)
+
+    def wait():
+        ending = Ending()
+        del ending
+        time.sleep(5)
+
+    with pytest.raises(KeyboardInterrupt), Interruption().caught():
+        wait()
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.1, 0.2])

@@ -23,9 +23,12 @@ from identnl_ros.core.mechanics.machine import (
     Machine,
 )
 from identnl_ros.core.mechanics.ties import declared_numbers, roots_of, with_inner_ties
+from identnl_ros.storage.machine_elements import ElementKey
+from identnl_ros.storage.machine_places import AT, Place, place_at, Placed
 from identnl_ros.storage.quantities import (
     coefficients,
     Direction,
+    direction,
     FREQUENCY,
     Frequency,
     LENGTH,
@@ -101,6 +104,10 @@ def _whole(value: object) -> int:
     return int(value[:3])
 
 
+def _direction(value: object) -> Vector | None:
+    return None if value is None else direction(value)
+
+
 Length = Annotated[float, PlainValidator(LENGTH.number)]
 Force = Annotated[float, PlainValidator(_FORCE.number)]
 Mass = Annotated[Coefficient, PlainValidator(_MASS.coefficient)]
@@ -123,11 +130,8 @@ class _Body(StrictModel):
         )
 
 
-class _Springs(StrictModel):
+class _Springs(Placed):
     kind: Literal['pad', 'six_spring']
-    body: Name
-    to: Name
-    point: Position
     axis_1: Direction | None = None
     axis_2: Direction | None = None
     stiffness: tuple[Coefficient, ...]
@@ -147,13 +151,15 @@ class _Springs(StrictModel):
             raise ValueError('axis_1 and axis_2 belong together; give both, or none for x and y')
         return self
 
-    def build(self, name: str) -> SpringDamper:
+    def build(self, name: str, place: Place | None = None) -> SpringDamper:
+        if place is None:
+            place = _own_place(self, _axes(self.axis_1, self.axis_2))
         return SpringDamper(
             name,
-            self.body,
-            self.to,
-            self.point,
-            _axes(self.axis_1, self.axis_2),
+            place.body,
+            place.to,
+            place.point,
+            place.axes,
             self.stiffness,
             self.damping,
             self.quadratic_stiffness,
@@ -162,26 +168,37 @@ class _Springs(StrictModel):
         )
 
 
-class _Screw(StrictModel):
+class _Screw(Placed):
     kind: Literal['screw']
-    body: Name
-    to: Name
-    point: Position
-    axis: Direction
+    axis: Annotated[Vector | None, PlainValidator(_direction)]
     stiffness: Stiffness
     damping: Damping
 
-    def build(self, name: str) -> SpringDamper:
+    @classmethod
+    def frame_keys(cls) -> tuple[str, ...]:
+        return (*super().frame_keys(), 'axis')
+
+    def build(self, name: str, place: Place | None = None) -> SpringDamper:
+        if place is None:
+            assert self.axis is not None
+            place = _own_place(self, frame_about(self.axis, f'joint {name}: axis'))
         return SpringDamper(
             name,
-            self.body,
-            self.to,
-            self.point,
-            frame_about(self.axis, f'joint {name}: axis'),
+            place.body,
+            place.to,
+            place.point,
+            place.axes,
             (self.stiffness,),
             (self.damping,),
             kind=self.kind,
         )
+
+
+def _own_place(part: Placed, axes: Vector) -> Place:
+    assert part.body is not None
+    assert part.to is not None
+    assert part.point is not None
+    return Place(part.body, part.to, part.point, axes)
 
 
 @dataclass(frozen=True)
@@ -309,7 +326,9 @@ class _Machine(StrictModel):
     joints: dict[
         Name,
         Annotated[
-            _Springs | _Screw | _Slideway, Field(discriminator=KIND), BeforeValidator(with_kind)
+            _Springs | _Screw | _Slideway | ElementKey,
+            Field(discriminator=KIND),
+            BeforeValidator(with_kind),
         ],
     ]
     forces: dict[Name, _Force] = Field(default_factory=dict)
@@ -332,11 +351,33 @@ class _Machine(StrictModel):
         return Machine(
             self.machine,
             bodies=tuple(part.build(name) for name, part in self.bodies.items()),
-            joints=tuple(part.build(name) for name, part in self.joints.items()),
+            joints=self._joints(),
             excitations=tuple(part.build(name) for name, part in self.excitations.items()),
             forces=tuple(part.build(name) for name, part in self.forces.items()),
             gravity=gravity,
         )
+
+    def _joints(self) -> tuple[Joint, ...]:
+        """Make the joints: first those with a place of their own."""
+        placed: dict[str, Joint] = {
+            name: part.build(name)
+            for name, part in self.joints.items()
+            if isinstance(part, _Slideway) or (isinstance(part, Placed) and part.at is None)
+        }
+        return tuple(
+            placed[name] if name in placed else self._built_at(name, placed)
+            for name in self.joints
+        )
+
+    def _built_at(self, name: str, placed: dict[str, Joint]) -> Joint:
+        part = self.joints[name]
+        assert not isinstance(part, _Slideway)
+        assert part.at is not None
+        try:
+            place = place_at(part.at, placed, self.joints)
+        except ValueError as error:
+            raise MachineError(f'joint {name}: {AT}: {error}') from None
+        return part.build(name, place)
 
 
 @dataclass(frozen=True)

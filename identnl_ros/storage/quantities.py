@@ -334,12 +334,15 @@ def convert(number: float, unit: str, to_unit: str) -> float:
     ------
     UnitError
         If one is no unit, the dimensions differ, or an angular velocity is given for a
-        frequency. The message continues a sentence that tells what was found.
+        frequency or the other way round. The message continues a sentence that tells what was
+        found.
 
     """
     old, new = _unit(unit), _unit(to_unit)
     if _angular(old) and new.dimensionality == {'[time]': -1} and not _angular(new):
         raise UnitError(', an angular velocity instead of a frequency (divide by 2 pi)')
+    if _angular(new) and old.dimensionality == {'[time]': -1} and not _angular(old):
+        raise UnitError(', a frequency instead of an angular velocity (multiply by 2 pi)')
     if old.dimensionality != new.dimensionality:
         raise UnitError('')
     try:

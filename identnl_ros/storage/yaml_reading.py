@@ -323,7 +323,25 @@ def with_kind(data: object) -> object:
     return {KIND: '', **data} if isinstance(data, dict) else data
 
 
-def _word(text: str) -> str:
+def word(text: str) -> str:
+    """
+    Check that a text can be the name of a part.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str
+        The same.
+
+    Raises
+    ------
+    ValueError
+        If it is no name.
+
+    """
     if not _NAME.fullmatch(text):
         raise ValueError(
             f'found {shown(text)}, expected a name: a letter, then letters, digits, "_" or "-"'
@@ -331,7 +349,7 @@ def _word(text: str) -> str:
     return text
 
 
-Name = Annotated[str, AfterValidator(_word)]
+Name = Annotated[str, AfterValidator(word)]
 
 
 class _Composer(yaml.BaseLoader):

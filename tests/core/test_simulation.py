@@ -149,8 +149,8 @@ def with_steps(model, signal, interval, steps, count, start):
     step = interval / steps
     forces = [signal.on_grid(node * step, step, count * steps) for node in NODES]
     return integrate(
-        start, 0 * start, step, steps, np.ascontiguousarray(np.transpose(forces)[..., np.newaxis]),
-        *equations_of(model).arrays,
+        start, 0 * start, np.zeros(0), step, steps,
+        np.ascontiguousarray(np.transpose(forces)[..., np.newaxis]), *equations_of(model).arrays,
     )[0][:, 0]  # fmt: skip
 
 

@@ -28,8 +28,8 @@ def assemble(machine: Machine, inner: Mapping[str, float] | None = None) -> Mode
     ----------
     machine : Machine
     inner : mapping of str to float, optional
-        Present values of estimated preloads and exponents, by name; by default those of the
-        machine.
+        Present values of estimated preloads, exponents and other numbers inside laws, by name;
+        by default those of the machine.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def assemble(machine: Machine, inner: Mapping[str, float] | None = None) -> Mode
     ------
     MachineError
         If a number is tied to one that does not exist, has another unit or is itself, or a
-        preload or an exponent is out of range.
+        number inside a law is out of range.
 
     """
     machine = with_inner_ties(machine)
@@ -136,12 +136,12 @@ class _ParameterTable:
         return self._indices[root.name], root.times
 
     def inner_values(self, joint: Joint) -> dict[str, float]:
-        """Present preload and exponent of a joint, by key."""
+        """Present values of the numbers inside the laws of a joint, by key."""
         roots = {one.key: self._roots[f'{joint.name}.{one.key}'] for one in joint.inner}
         return {key: root.times * self._value(root.name) for key, root in roots.items()}
 
     def inner_links(self, joint: Joint) -> dict[str, InnerLink]:
-        """Parameters that preload and exponent of a joint follow, by key."""
+        """Parameters that the numbers inside the laws of a joint follow, by key."""
         return {
             one.key: InnerLink(one.key, *self.parameter(f'{joint.name}.{one.key}'))
             for one in joint.inner
@@ -149,7 +149,7 @@ class _ParameterTable:
         }
 
     def _follows(self, name: str) -> bool:
-        """Whether a number is or follows a parameter, and not a known preload or exponent."""
+        """Whether a number is or follows a parameter, and is not known inside a law."""
         return self._roots[name].name in self._indices
 
     def _value(self, name: str) -> float:

@@ -3,6 +3,7 @@
 """Static equilibrium of a machine under weight, preload and constant forces."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.mechanics.model import Model
@@ -23,7 +24,8 @@ def static_equilibrium(model: Model) -> Vector:
     Find the displacement at which joints, weights and constant forces balance.
 
     Newton's method with step halving; the load of a contact without preload, whose stiffness at
-    rest is zero, is found from a small displacement in the direction of the load.
+    rest is zero, is found from a small displacement in the direction of the load. Friction and
+    hysteretic springs bear nothing at rest.
 
     Parameters
     ----------
@@ -42,6 +44,10 @@ def static_equilibrium(model: Model) -> Vector:
 
     """
     model.require_values()
+    hysteretic = model.hidden_columns
+    model = replace(
+        model, terms=tuple(one for i, one in enumerate(model.terms) if i not in hysteretic)
+    )
     load = model.constant_load()
     displacement = np.zeros(len(load))
 

@@ -4,8 +4,15 @@
 
 from dataclasses import dataclass
 
-from identnl_ros.core.mechanics.inner_slopes import exponent_slope, preload_slope
-from identnl_ros.core.mechanics.joint_terms import EXPONENT
+from identnl_ros.core.mechanics.hidden_states import hidden_motion
+from identnl_ros.core.mechanics.inner_slopes import (
+    exponent_slope,
+    fading_slope,
+    gap_slope,
+    preload_slope,
+    transition_slope,
+)
+from identnl_ros.core.mechanics.joint_terms import EXPONENT, FADING, GAP, TRANSITION
 from identnl_ros.core.mechanics.model import InnerLink, Model, Term
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +27,7 @@ class ForceDerivatives:
 
     Left-hand side: inertia and joint forces minus constant loads, (1) of Berczynski et al. (2010).
     It is linear in coefficients, whose derivatives do not depend on their values; not so in
-    preloads and exponents.
+    preloads, exponents and other numbers inside laws.
 
     Parameters
     ----------
@@ -31,13 +38,23 @@ class ForceDerivatives:
 
     model: Model
 
-    def of_motion(self, displacement: Reals, velocity: Reals, acceleration: Reals) -> Reals:
+    def of_motion(
+        self,
+        displacement: Reals,
+        velocity: Reals,
+        acceleration: Reals,
+        hidden: Reals | None = None,
+    ) -> Reals:
         """
         Differentiate at a number of states.
 
         Parameters
         ----------
         displacement, velocity, acceleration : ndarray, shape (n_states, n_coordinates)
+            Where there are hysteretic terms and `hidden` is not given: in time order, equally
+            spaced.
+        hidden : ndarray, shape (n_states, n_hidden), or None
+            Hysteretic states; None: they follow the motion, from zero at its first sample.
 
         Returns
         -------
@@ -48,7 +65,9 @@ class ForceDerivatives:
         model = self.model
         column = {parameter: i for i, parameter in enumerate(model.estimated)}
         derivatives = np.zeros((*displacement.shape, len(column)))
-        for index, lines in self._on_lines(displacement, velocity, column).items():
+        if hidden is None and model.hidden_columns:
+            hidden = hidden_motion(model, displacement, velocity)
+        for index, lines in self._on_lines(displacement, velocity, hidden, column).items():
             derivatives[:, :, index] = (
                 np.column_stack(list(lines.values())) @ model.lines[list(lines)]
             )
@@ -61,7 +80,7 @@ class ForceDerivatives:
         return derivatives
 
     def _on_lines(
-        self, displacement: Reals, velocity: Reals, column: dict[int, int]
+        self, displacement: Reals, velocity: Reals, hidden: Reals | None, column: dict[int, int]
     ) -> dict[int, dict[int, Reals]]:
         """Differentiate the forces along the lines: by column, then line."""
         model = self.model
@@ -73,17 +92,22 @@ class ForceDerivatives:
             lines = found.setdefault(column[parameter], {})
             lines[line] = lines[line] + derivative if line in lines else derivative
 
-        for term in model.terms:
+        columns = model.hidden_columns
+        for index, term in enumerate(model.terms):
             line = term.line
             if term.parameter in column:
-                force = term.law.force(deformation[line], rate[line])
+                state = (
+                    hidden[:, columns[index]] if hidden is not None and index in columns else None
+                )
+                force = term.law.force(deformation[line], rate[line], state)
                 add(term.parameter, line, term.factor * force)
             for link in term.inner:
-                slope = self._inner_slope(term, link, deformation[line])
-                add(link.parameter, line, link.times * slope)
+                if link.parameter in column:
+                    slope = self._inner_slope(term, link, deformation[line], rate[line])
+                    add(link.parameter, line, link.times * slope)
         return found
 
-    def _inner_slope(self, term: Term, link: InnerLink, deformation: Reals) -> Reals:
+    def _inner_slope(self, term: Term, link: InnerLink, deformation: Reals, rate: Reals) -> Reals:
         """Differentiate the force of a term by a number in its law."""
         locked_in = self.model.machine.gravity is None
         coefficient = self.model.parameters[term.parameter].value
@@ -91,4 +115,12 @@ class ForceDerivatives:
             by_factor = term.factor_slope * term.law.force(deformation, deformation)
             by_law = term.factor * exponent_slope(term.law, deformation, locked_in)
             return coefficient * (by_factor + by_law)
-        return coefficient * term.factor * preload_slope(term.law, deformation, locked_in)
+        if link.key == GAP:
+            slope = gap_slope(term.law, deformation, locked_in)
+        elif link.key == TRANSITION:
+            slope = transition_slope(term.law, rate)
+        elif link.key == FADING:
+            slope = fading_slope(term.law, rate)
+        else:
+            slope = preload_slope(term.law, deformation, locked_in)
+        return coefficient * term.factor * slope

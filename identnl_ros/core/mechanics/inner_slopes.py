@@ -1,7 +1,8 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of the scalar force laws by their inner numbers, preload and exponent."""
+"""Derivatives of the scalar force laws by the numbers inside them."""
 
+from identnl_ros.core.mechanics.element_laws import coulomb_slope, stribeck
 from identnl_ros.core.mechanics.laws import Law, LawKind, Reals
 import numpy as np
 
@@ -57,6 +58,75 @@ def exponent_slope(law: Law, deformation: Reals, locked_in: bool) -> Reals:
     """
     slope = _power_times_logarithm(law, deformation)
     return slope - _power_times_logarithm(law, AT_REST) if locked_in else slope
+
+
+def gap_slope(law: Law, deformation: Reals, locked_in: bool) -> Reals:
+    """
+    Differentiate the force of backlash or of a bilinear stiffness by its gap.
+
+    Parameters
+    ----------
+    law : Law
+    deformation : ndarray
+        [m] or [rad].
+    locked_in : bool
+        True: the force at rest is subtracted, and changes with the gap as well.
+
+    Returns
+    -------
+    ndarray, same shape
+        Per unit of the coefficient.
+
+    """
+    slope = _by_gap(law, deformation)
+    return slope - _by_gap(law, AT_REST) if locked_in else slope
+
+
+def transition_slope(law: Law, rate: Reals) -> Reals:
+    """
+    Differentiate the force of friction by its transition velocity.
+
+    Parameters
+    ----------
+    law : Law
+    rate : ndarray
+        [m/s] or [rad/s].
+
+    Returns
+    -------
+    ndarray, same shape
+        Per unit of the coefficient.
+
+    """
+    slope = -rate / law.transition * coulomb_slope(rate, law.transition)
+    if law.kind is LawKind.STRIBECK:
+        slope = slope * np.exp(-((rate / law.fading) ** 2))
+    return slope
+
+
+def fading_slope(law: Law, rate: Reals) -> Reals:
+    """
+    Differentiate the force of Stribeck friction by the velocity at which it fades.
+
+    Parameters
+    ----------
+    law : Law
+    rate : ndarray
+        [m/s] or [rad/s].
+
+    Returns
+    -------
+    ndarray, same shape
+        Per unit of the coefficient.
+
+    """
+    return 2.0 * rate**2 / law.fading**3 * stribeck(rate, law.transition, law.fading)
+
+
+def _by_gap(law: Law, deformation: Reals) -> Reals:
+    if law.kind is LawKind.BILINEAR:
+        return np.where(deformation > law.gap, -1.0, 0.0)
+    return np.where(np.abs(deformation) > law.gap, -np.sign(deformation), 0.0)
 
 
 def _power_times_logarithm(law: Law, deformation: Reals) -> Reals:

@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 
 PRELOAD = 'preload'
 EXPONENT = 'exponent'
+GAP = 'gap'
+TRANSITION = 'transition_velocity'
+FADING = 'stribeck_velocity'
+LIMIT = 'limit'
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class JointTerm:
     factor : float
         Geometry: force = coefficient * factor * law.
     inner : tuple of str
-        Inner parameters of the joint that the law follows: some of `PRELOAD`, `EXPONENT`.
+        Inner parameters of the joint that the law follows, e.g. `PRELOAD`, `EXPONENT`, `GAP`.
     factor_slope : float
         Derivative of `factor` by the joint's exponent.
 
@@ -59,7 +63,7 @@ class InnerParameter:
     Parameters
     ----------
     key : str
-        Parameter within the joint: `PRELOAD` or `EXPONENT`.
+        Parameter within the joint, e.g. `PRELOAD`, `EXPONENT` or `GAP`.
     symbol : str
         Symbol of the literature, e.g. ``delta_0``.
     unit : str

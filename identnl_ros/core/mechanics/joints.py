@@ -7,7 +7,8 @@ A joint is described in its own frame (axis 1 = contact normal, 2 and 3 tangenti
 deformation is the motion of its body relative to its other body, positive in compression.
 Every joint is a sum of scalar terms, each acting along one direction of the six-dimensional
 deformation: ``wrench = sum(coefficient * factor * law(direction . deformation) * direction)``.
-Preload and exponent of a slideway are inside its laws and factors: inner parameters.
+Preload and exponent of a slideway, the gap of backlash and the like are inside laws and factors:
+inner parameters.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,6 +17,7 @@ from typing import Protocol, Self
 
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.mechanics.coefficients import Coefficient as Coefficient
+from identnl_ros.core.mechanics.elements import Element as Element
 from identnl_ros.core.mechanics.joint_terms import (
     along_axis,
     check_point,

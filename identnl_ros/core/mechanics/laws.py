@@ -11,6 +11,16 @@ states in the simulation.
 from dataclasses import dataclass
 from enum import IntEnum
 
+from identnl_ros.core.mechanics.element_laws import (
+    backlash,
+    bilinear,
+    coulomb,
+    coulomb_slope,
+    hysteresis_slope,
+    quadratic_damping,
+    stribeck,
+    stribeck_slope,
+)
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +35,18 @@ class LawKind(IntEnum):
     SIGNED_POWER = 2
     CONTACT = 3
     POLYNOMIAL = 4
+    BACKLASH = 5
+    BILINEAR = 6
+    COULOMB = 7
+    STRIBECK = 8
+    QUADRATIC_DAMPING = 9
+    HYSTERESIS = 10
+
+
+# Forces that follow the rate, not in proportion to it.
+RATE_KINDS = (LawKind.COULOMB, LawKind.STRIBECK, LawKind.QUADRATIC_DAMPING)
+# Forces that bend within a small part of a motion.
+SHARP_KINDS = (LawKind.BACKLASH, LawKind.BILINEAR, LawKind.COULOMB, LawKind.STRIBECK)
 
 
 def signed_power(deformation: Reals, exponent: float, preload: float) -> Reals:
@@ -156,11 +178,19 @@ class Law:
     ----------
     kind : LawKind
     exponent : float
-        Power of the deformation, where the kind has one [-].
+        Power of the deformation, or of the hysteretic state, where the kind has one [-].
     preload : float
         Deformation at rest, where the kind has one [m] or [rad].
     rest_force : float
         Force per unit of coefficient that is balanced at rest and therefore subtracted.
+    gap : float
+        Of backlash or of a bilinear stiffness [m] or [rad].
+    transition : float
+        Of friction: rate over which its step at standstill is drawn out [m/s] or [rad/s].
+    fading : float
+        Of Stribeck friction: rate at which it has fallen to 1/e [m/s] or [rad/s].
+    limit : float
+        Of hysteresis: largest elastic deformation [m] or [rad].
 
     """
 
@@ -168,8 +198,12 @@ class Law:
     exponent: float = 1.0
     preload: float = 0.0
     rest_force: float = 0.0
+    gap: float = 0.0
+    transition: float = 1.0
+    fading: float = 1.0
+    limit: float = 1.0
 
-    def force(self, deformation: Reals, rate: Reals) -> Reals:
+    def force(self, deformation: Reals, rate: Reals, hidden: Reals | None = None) -> Reals:
         """
         Evaluate the force per unit of the coefficient.
 
@@ -179,6 +213,8 @@ class Law:
             [m] or [rad].
         rate : ndarray, same shape
             [m/s] or [rad/s].
+        hidden : ndarray, same shape, or None
+            Hysteretic state [m] or [rad]; None: that of rest, 0.
 
         Returns
         -------
@@ -196,15 +232,34 @@ class Law:
                 return contact(deformation, self.exponent, self.preload) - self.rest_force
             case LawKind.POLYNOMIAL:
                 return polynomial(deformation, self.exponent) - self.rest_force
+            case LawKind.BACKLASH:
+                return backlash(deformation, self.gap) - self.rest_force
+            case LawKind.BILINEAR:
+                return bilinear(deformation, self.gap) - self.rest_force
+            case LawKind.COULOMB:
+                return coulomb(rate, self.transition)
+            case LawKind.STRIBECK:
+                return stribeck(rate, self.transition, self.fading)
+            case LawKind.QUADRATIC_DAMPING:
+                return quadratic_damping(rate)
+            case LawKind.HYSTERESIS:
+                return np.zeros_like(deformation) if hidden is None else hidden
 
-    def stiffness(self, deformation: Reals) -> Reals:
+    def stiffness(
+        self, deformation: Reals, rate: Reals | None = None, hidden: Reals | None = None
+    ) -> Reals:
         """
         Differentiate the force per unit of the coefficient by the deformation.
+
+        Of hysteresis: along the motion; what an earlier change of the motion has left in its
+        state is not in it.
 
         Parameters
         ----------
         deformation : ndarray
             [m] or [rad].
+        rate, hidden : ndarray, same shape, or None
+            Matter to hysteresis only; None: those of rest, 0.
 
         Returns
         -------
@@ -214,16 +269,48 @@ class Law:
         match self.kind:
             case LawKind.LINEAR:
                 return np.ones_like(deformation)
-            case LawKind.VISCOUS:
-                return np.zeros_like(deformation)
             case LawKind.SIGNED_POWER:
                 return signed_power_slope(deformation, self.exponent, self.preload)
             case LawKind.CONTACT:
                 return contact_slope(deformation, self.exponent, self.preload)
             case LawKind.POLYNOMIAL:
                 return polynomial_slope(deformation, self.exponent)
+            case LawKind.BACKLASH:
+                return np.where(np.abs(deformation) < self.gap, -1.0, 0.0)
+            case LawKind.BILINEAR:
+                return np.where(deformation > self.gap, 1.0, 0.0)
+            case LawKind.HYSTERESIS:
+                if rate is None or hidden is None:
+                    return np.ones_like(deformation)
+                return hysteresis_slope(rate, hidden, self.limit, self.exponent)
+            case _:
+                return np.zeros_like(deformation)
+
+    def rate_slope(self, rate: Reals) -> Reals:
+        """
+        Differentiate the force per unit of the coefficient by the rate.
+
+        Parameters
+        ----------
+        rate : ndarray
+            [m/s] or [rad/s].
+
+        Returns
+        -------
+        ndarray, same shape
+
+        """
+        match self.kind:
+            case LawKind.COULOMB:
+                return coulomb_slope(rate, self.transition)
+            case LawKind.STRIBECK:
+                return stribeck_slope(rate, self.transition, self.fading)
+            case LawKind.QUADRATIC_DAMPING:
+                return 2.0 * np.abs(rate)
+            case _:
+                return np.full_like(rate, self.damping)
 
     @property
     def damping(self) -> float:
-        """Derivative of the force per unit of the coefficient by the rate."""
+        """Derivative of the force by the rate where that is a constant, else 0."""
         return 1.0 if self.kind is LawKind.VISCOUS else 0.0

@@ -8,14 +8,16 @@ of Berczynski et al. (2010), with q along and about each body's principal centra
 a direction in the space of q along which scalar elements act; the rows of B_kappa, (10), are
 lines, and so are the rays of a pressure-integrated contact.
 
-Preloads and exponents that are to be estimated are parameters too, inside laws and factors: the
-equations are not linear in these inner parameters. A number that is tied to another one is no
-parameter: what it stands for is a multiple of the other.
+Preloads, exponents, gaps and velocities that are to be estimated are parameters too, inside laws
+and factors: the equations are not linear in these inner parameters. A number that is tied to
+another one is no parameter: what it stands for is a multiple of the other. A hysteretic term has
+a state of its own, which follows the motion: a hidden state.
 """
 
 from dataclasses import dataclass, replace
 
 from identnl_ros.core.errors import MachineError
+from identnl_ros.core.mechanics.hidden_states import hidden_motion, hysteretic_terms
 from identnl_ros.core.mechanics.kinematics import body_motion, Coordinate
 from identnl_ros.core.mechanics.laws import Law
 from identnl_ros.core.mechanics.machine import Machine
@@ -41,7 +43,7 @@ class Parameter:
     estimated : bool
         Unknown of the identification.
     inner : bool
-        A preload or an exponent: forces are not proportional to it.
+        A preload, an exponent, a gap, ...: forces are not proportional to it.
 
     """
 
@@ -83,7 +85,7 @@ class InnerLink:
     Parameters
     ----------
     key : str
-        ``preload`` or ``exponent``.
+        ``preload``, ``exponent``, ``gap`` or the like.
     parameter : int
         Index into `Model.parameters`.
     times : float
@@ -152,8 +154,8 @@ class Model:
         As described: its values remain those of the description.
     coordinates : tuple of Coordinate
     parameters : tuple of Parameter
-        All coefficients, known and estimated, in the order of the machine file; of preloads and
-        exponents the estimated ones only.
+        All coefficients, known and estimated, in the order of the machine file; of
+        numbers inside laws the estimated ones only.
     lines : ndarray, shape (n_lines, n_coordinates)
         Deformation along each line = ``lines @ q`` [m] or [rad].
     line_joints : tuple of str
@@ -215,7 +217,7 @@ class Model:
         Raises
         ------
         MachineError
-            If a preload is negative or an exponent not positive.
+            If a preload, an exponent or another number inside a law is out of range.
 
         """
         inner = [parameter.inner for parameter in self.parameters]
@@ -256,7 +258,7 @@ class Model:
         Raises
         ------
         MachineError
-            If a preload is negative or an exponent not positive.
+            If a preload, an exponent or another number inside a law is out of range.
 
         """
         values = self.values
@@ -278,8 +280,16 @@ class Model:
             diagonal += self.parameters[parameter].value * vector
         return diagonal
 
+    @property
+    def hidden_columns(self) -> dict[int, int]:
+        """Column of the hidden state of every hysteretic term, by index of the term."""
+        return {term: column for column, term in enumerate(hysteretic_terms(self.terms))}
+
     def joint_force(
-        self, displacement: NDArray[np.float64], velocity: NDArray[np.float64]
+        self,
+        displacement: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        hidden: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
         """
         Evaluate the generalised force of all joints on the bodies' left-hand side.
@@ -287,6 +297,10 @@ class Model:
         Parameters
         ----------
         displacement, velocity : ndarray, shape (n_samples, n_coordinates)
+            Where there are hysteretic terms and `hidden` is not given: in time order, equally
+            spaced.
+        hidden : ndarray, shape (n_samples, n_hidden), or None
+            Hysteretic states; None: they follow the motion, from zero at its first sample.
 
         Returns
         -------
@@ -297,10 +311,14 @@ class Model:
         deformation = displacement @ self.lines.T
         rate = velocity @ self.lines.T
         forces = np.zeros_like(deformation)
-        for term in self.terms:
+        columns = self.hidden_columns
+        if hidden is None and columns:
+            hidden = hidden_motion(self, displacement, velocity)
+        for index, term in enumerate(self.terms):
             value = self.parameters[term.parameter].value * term.factor
             line = term.line
-            forces[:, line] += value * term.law.force(deformation[:, line], rate[:, line])
+            state = hidden[:, columns[index]] if hidden is not None and index in columns else None
+            forces[:, line] += value * term.law.force(deformation[:, line], rate[:, line], state)
         return forces @ self.lines
 
     def constant_load(self) -> NDArray[np.float64]:
@@ -320,7 +338,9 @@ class Model:
 
     def tangent_stiffness(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """
-        Differentiate the joint forces by the displacement at one state.
+        Differentiate the joint forces by the displacement at one state of rest.
+
+        Hysteretic springs are elastic there.
 
         Parameters
         ----------
@@ -342,7 +362,9 @@ class Model:
 
     def damping_matrix(self) -> NDArray[np.float64]:
         """
-        Differentiate the joint forces by the velocity.
+        Differentiate the forces of viscous dampers by the velocity: the same at all states.
+
+        Friction and quadratic damping, whose slope is not constant, are not in it.
 
         Returns
         -------

@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small vibrations about a state of rest."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.mechanics.laws import RATE_KINDS
+from identnl_ros.core.mechanics.model import Model, Term
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,7 +32,11 @@ class Mode:
     damping_ratio: float
 
 
-def stiffest_state_matrix(model: Model, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+def stiffest_state_matrix(
+    model: Model,
+    displacements: NDArray[np.float64],
+    velocities: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
     """
     Linearise the equations of motion, ``(q', q'') = matrix @ (q, q')``, on the stiff side.
 
@@ -40,6 +46,9 @@ def stiffest_state_matrix(model: Model, displacements: NDArray[np.float64]) -> N
         All values known.
     displacements : ndarray, shape (n_states, n)
         Every spring is taken as stiff as in the stiffest of these states.
+    velocities : ndarray, shape (n_states, n), or None
+        Every damper is taken as steep as in the steepest of these states, friction as at
+        standstill, which it passes between them; None: at rest.
 
     Returns
     -------
@@ -58,15 +67,34 @@ def stiffest_state_matrix(model: Model, displacements: NDArray[np.float64]) -> N
     matrix = np.zeros((2 * n, 2 * n))
     matrix[:n, n:] = np.eye(n)
     matrix[n:, :n] = -inverse_mass * ((model.lines.T * slopes) @ model.lines)
-    matrix[n:, n:] = -inverse_mass * model.damping_matrix()
+    damping = model.damping_matrix()
+    varying = [term for term in model.terms if term.law.kind in RATE_KINDS]
+    if varying:
+        still = np.zeros((1, n))
+        rates = still if velocities is None else np.vstack((still, velocities))
+        damping += _steepest_damping(model, varying, rates)
+    matrix[n:, n:] = -inverse_mass * damping
     return matrix
+
+
+def _steepest_damping(
+    model: Model, terms: Sequence[Term], velocities: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    slopes = np.zeros(len(model.lines))
+    rates = velocities @ model.lines.T
+    for term in terms:
+        value = model.parameters[term.parameter].value * term.factor
+        slopes[term.line] += np.abs(value * term.law.rate_slope(rates[:, term.line])).max()
+    steepest: NDArray[np.float64] = (model.lines.T * slopes) @ model.lines
+    return steepest
 
 
 def modes(model: Model, displacement: NDArray[np.float64]) -> tuple[Mode, ...]:
     """
     Find the modes of small vibrations, slowest first.
 
-    Damping ratios are those of each mode alone (diagonal of the modal damping matrix).
+    Damping ratios are those of each mode alone (diagonal of the modal damping matrix) and of
+    viscous damping alone: the share of friction depends on the amplitude.
 
     Parameters
     ----------

@@ -104,7 +104,7 @@ def roots_of(numbers: Mapping[str, Declared]) -> dict[str, Root]:
 
 def with_inner_ties(machine: Machine) -> Machine:
     """
-    Give tied preloads and exponents the start values that they follow.
+    Give tied preloads, exponents and other numbers inside laws the values that they follow.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def with_inner_ties(machine: Machine) -> Machine:
     Raises
     ------
     MachineError
-        If one of them is tied to what is no preload or exponent, or to itself.
+        If one of them is tied to what does not exist or has another unit, or to itself.
 
     """
     if all(one.coefficient.tie is None for joint in machine.joints for one in joint.inner):

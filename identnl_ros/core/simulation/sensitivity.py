@@ -2,21 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated motion with its derivatives by the unknowns and by the initial state."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.mechanics.force_derivatives import ForceDerivatives
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.mechanics.modes import stiffest_state_matrix
+from identnl_ros.core.simulation.equations import equations_of, initial_hidden
 from identnl_ros.core.simulation.excitation import Signal
 from identnl_ros.core.simulation.integrator import NODES, STAGES
+from identnl_ros.core.simulation.line_slopes import line_slopes
 from identnl_ros.core.simulation.sensitivity_kernels import stage_states, variations
-from identnl_ros.core.simulation.simulation import (
-    equations_of,
-    LARGEST_MOTION,
-    REFINEMENTS,
-)
+from identnl_ros.core.simulation.simulation import fastest_rate, LARGEST_MOTION, REFINEMENTS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,11 +36,14 @@ class MotionVariation:
     derivatives : ndarray, shape (n_instants, 3, n_coordinates, n_columns)
         By the unknowns in the order of `Model.estimated`, the initial displacement and the
         initial velocity, per unit of each; without columns where not asked for.
+    hidden : ndarray, shape (n_instants, n_hidden)
+        Hysteretic states.
 
     """
 
     motion: NDArray[np.float64]
     derivatives: NDArray[np.float64]
+    hidden: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass
@@ -69,6 +69,8 @@ class VariedSimulation:
         Integration steps per output, at least; raised where the machine needs more.
     sensitive : bool
         False: the motion alone.
+    hidden : ndarray, shape (n_hidden,)
+        Initial hysteretic states; by default zero.
 
     Raises
     ------
@@ -86,18 +88,21 @@ class VariedSimulation:
     step_limit: float = STEP_LIMIT
     steps: int = 1
     sensitive: bool = True
+    hidden: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         """Prepare the arrays of the compiled kernels."""
         self._equations: tuple[Any, ...] = equations_of(self.model).arrays
         self._derivatives = ForceDerivatives(self.model)
         self._index = 0
+        self.hidden = initial_hidden(self.model, self.hidden)
         n = len(self.model.coordinates)
         unknowns = len(self.model.estimated)
         self._variation = np.zeros((2 * n, unknowns + 2 * n))
         self._variation[:, unknowns:] = np.eye(2 * n)
-        rest = np.zeros((1, n)) + self.displacement
-        self.steps = max(self.steps, self._steps_for(rest))
+        self._hidden_variation = np.zeros((len(self.hidden), unknowns + 2 * n))
+        state = (np.zeros((1, n)) + one for one in (self.displacement, self.velocity))
+        self.steps = max(self.steps, self._steps_for(*state))
 
     def advance(self, count: int) -> MotionVariation:
         """
@@ -120,43 +125,54 @@ class VariedSimulation:
         """
         for _ in range(REFINEMENTS):
             step = self.interval / self.steps
-            *stages, displacement, velocity = stage_states(
-                self.displacement, self.velocity, step, self._stage_forces(count),
+            *stages, hidden, displacement, velocity, inside = stage_states(
+                self.displacement, self.velocity, self.hidden, step, self._stage_forces(count),
                 *self._equations,
             )  # fmt: skip
             self._require_bounded(stages[0])
-            needed = self._steps_for(stages[0][:: self.steps, 0])
+            needed = self._steps_for(*(stage[:: self.steps, 0] for stage in stages[:2]))
             if needed <= self.steps:
                 break
             self.steps = needed
+        passed = hidden[:: self.steps, 0]
         motion = np.stack([stage[:: self.steps, 0] for stage in stages], axis=1)
         derivatives = (
-            self._varied(stages, step) if self.sensitive else np.empty((*motion.shape, 0))
+            self._varied(stages, hidden, step) if self.sensitive else np.empty((*motion.shape, 0))
         )
-        self.displacement, self.velocity = displacement, velocity
+        self.displacement, self.velocity, self.hidden = displacement, velocity, inside
         self._index += count
-        return MotionVariation(motion, derivatives)
+        return MotionVariation(motion, derivatives, passed)
 
-    def _varied(self, stages: list[NDArray[np.float64]], step: float) -> NDArray[np.float64]:
+    def _varied(
+        self, stages: list[NDArray[np.float64]], hidden: NDArray[np.float64], step: float
+    ) -> NDArray[np.float64]:
         """Integrate the sensitivities along the motion, (n_instants, 3, n, n_columns)."""
         model = self.model
         n = len(model.coordinates)
         shape = stages[0].shape[:2]
-        flat = [stage.reshape(-1, n) for stage in stages]
-        forcing = self._derivatives.of_motion(*flat).reshape(*shape, n, -1)
-        slopes, damping = line_slopes(model, flat[0], flat[1])
+        displacement, velocity, acceleration = (stage.reshape(-1, n) for stage in stages)
+        flat_hidden = hidden.reshape(len(displacement), hidden.shape[2])
+        forcing = self._derivatives.of_motion(displacement, velocity, acceleration, flat_hidden)
+        found = line_slopes(model, displacement, velocity, flat_hidden)
+        slopes = found.stiffness
         varying = np.ptp(slopes, axis=0) > 0
         constant = np.where(varying, 0.0, slopes[0])
-        kept, self._variation = variations(
+        kept, self._variation, self._hidden_variation = variations(
             self._variation,
             step,
             self.steps,
             np.ascontiguousarray(slopes[:, varying]).reshape(*shape, -1),
             np.ascontiguousarray(model.lines[varying]),
             (model.lines.T * constant) @ model.lines,
-            damping,
+            found.damping,
+            found.rate.reshape(*shape, found.rate.shape[1]),
+            found.rate_lines,
             1 / model.mass_diagonal(),
-            np.ascontiguousarray(forcing),
+            np.ascontiguousarray(forcing.reshape(*shape, n, -1)),
+            self._hidden_variation,
+            found.hidden_slopes.reshape(*shape, hidden.shape[2], 2),
+            found.hidden_lines,
+            found.hidden_pull,
         )
         result: NDArray[np.float64] = kept.reshape(len(kept), 3, n, -1)
         return result
@@ -172,9 +188,10 @@ class VariedSimulation:
                 )
         return forces
 
-    def _steps_for(self, displacements: NDArray[np.float64]) -> int:
-        matrix = stiffest_state_matrix(self.model, displacements)
-        fastest = float(np.abs(np.linalg.eigvals(matrix)).max())
+    def _steps_for(
+        self, displacements: NDArray[np.float64], velocities: NDArray[np.float64]
+    ) -> int:
+        fastest = fastest_rate(self.model, displacements, self.interval, velocities)
         steps = self.interval * fastest / self.step_limit
         if steps > LARGEST_STEPS:
             raise MachineError(
@@ -193,32 +210,3 @@ class VariedSimulation:
                 f'machine {self.model.machine.name}: the motion grows without bound at about '
                 f'{time:.4g} s; check for negative stiffness or damping, or too large a force'
             )
-
-
-def line_slopes(
-    model: Model, displacement: NDArray[np.float64], velocity: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Differentiate the joint forces by the state, at many states.
-
-    Parameters
-    ----------
-    model : Model
-    displacement, velocity : ndarray, shape (n_states, n_coordinates)
-
-    Returns
-    -------
-    stiffness : ndarray, shape (n_states, n_lines)
-        Slope of every line's force by its deformation [N/m or N m/rad].
-    damping : ndarray, shape (n_coordinates, n_coordinates)
-        Derivative of the generalised force by the velocity, the same at all states.
-
-    """
-    deformation = displacement @ model.lines.T
-    slopes = np.zeros_like(deformation)
-    for term in model.terms:
-        value = model.parameters[term.parameter].value * term.factor
-        slope = term.law.stiffness(deformation[:, term.line])
-        # A power below one is infinitely steep at a point, where it has no stiffness to add.
-        slopes[:, term.line] += value * np.where(np.isfinite(slope), slope, 0.0)
-    return slopes, model.damping_matrix()

@@ -10,7 +10,7 @@ gives the linear ones integrated here, so the sensitivities are those of the com
 of the exact one. All arrays are C-contiguous.
 """
 
-from identnl_ros.core.simulation.integrator import accelerations, NODES, STAGES
+from identnl_ros.core.simulation.integrator import acceleration, NODES, STAGES
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +25,23 @@ _STEP_WEIGHTS = np.ascontiguousarray(np.stack((DOP853.B @ _A, DOP853.B)))
 
 
 def _stage_states(
-    displacement: Reals, velocity: Reals, step: float, forces: Reals, *equations: Reals
-) -> tuple[Reals, Reals, Reals, Reals, Reals]:
+    displacement: Reals,
+    velocity: Reals,
+    hidden: Reals,
+    step: float,
+    forces: Reals,
+    *equations: Reals,
+) -> tuple[Reals, Reals, Reals, Reals, Reals, Reals, Reals]:
     count, stages = forces.shape[0], forces.shape[1]
     n = displacement.size
     displacements = np.empty((count, stages, n))
     velocities = np.empty((count, stages, n))
     accelerated = np.empty((count, stages, n))
+    hiddens = np.empty((count, stages, hidden.size))
+    hidden_rates = np.empty((stages, hidden.size))
     position = displacement.copy()
     rate = velocity.copy()
+    inside = hidden.copy()
     for index in range(count):
         for stage in range(stages):
             for i in range(n):
@@ -46,12 +54,20 @@ def _stage_states(
                     NODES[stage] * rate[i] + step * change
                 )
                 velocities[index, stage, i] = rate[i] + step * growth
-            accelerated[index, stage] = accelerations(
-                displacements[index, stage : stage + 1],
-                velocities[index, stage : stage + 1],
-                forces[index, stage : stage + 1],
-                *equations,
-            )[0]
+            for i in range(hidden.size):
+                growth = 0.0
+                for earlier in range(stage):
+                    growth += _STAGE_WEIGHTS[stage, 1, earlier] * hidden_rates[earlier, i]
+                hiddens[index, stage, i] = inside[i] + step * growth
+            acceleration(
+                displacements[index, stage],
+                velocities[index, stage],
+                hiddens[index, stage],
+                forces[index, stage],
+                accelerated[index, stage],
+                hidden_rates[stage],
+                equations,
+            )
         for i in range(n):
             change = 0.0
             growth = 0.0
@@ -60,7 +76,12 @@ def _stage_states(
                 growth += _STEP_WEIGHTS[1, stage] * accelerated[index, stage, i]
             position[i] += step * (rate[i] + step * change)
             rate[i] += step * growth
-    return displacements, velocities, accelerated, position, rate
+        for i in range(hidden.size):
+            growth = 0.0
+            for stage in range(stages):
+                growth += _STEP_WEIGHTS[1, stage] * hidden_rates[stage, i]
+            inside[i] += step * growth
+    return displacements, velocities, accelerated, hiddens, position, rate, inside
 
 
 def _variations(
@@ -71,9 +92,15 @@ def _variations(
     lines: Reals,
     stiffness: Reals,
     damping: Reals,
+    rate_slopes: Reals,
+    rate_lines: Reals,
     inverse_mass: Reals,
     forcing: Reals,
-) -> tuple[Reals, Reals]:
+    hidden_state: Reals,
+    hidden_slopes: Reals,
+    hidden_lines: Reals,
+    hidden_pull: Reals,
+) -> tuple[Reals, Reals, Reals]:
     count, stages = slopes.shape[0], slopes.shape[1]
     n = inverse_mass.size
     columns = state.shape[1]
@@ -87,6 +114,9 @@ def _variations(
     accelerated = np.empty((stages, n, columns))
     flat_accelerated = accelerated.reshape((stages, size))
     tangent = np.empty((n, 2 * n))
+    dampers = np.empty((n, n))
+    inside = hidden_state.copy()
+    inside_rates = np.empty((stages, inside.shape[0], columns))
     for i in range(n):
         for j in range(n):
             tangent[i, n + j] = -inverse_mass[i] * damping[i, j]
@@ -112,10 +142,35 @@ def _variations(
             for i in range(n):
                 for j in range(n):
                     tangent[i, j] *= -inverse_mass[i]
+            if rate_lines.shape[0] > 0:
+                dampers[:] = damping
+                for line in range(rate_lines.shape[0]):
+                    slope = rate_slopes[index, stage, line]
+                    for i in range(n):
+                        for j in range(n):
+                            dampers[i, j] += slope * rate_lines[line, i] * rate_lines[line, j]
+                for i in range(n):
+                    for j in range(n):
+                        tangent[i, n + j] = -inverse_mass[i] * dampers[i, j]
             np.dot(tangent, place, accelerated[stage])
             for i in range(n):
                 for j in range(unknowns):
                     accelerated[stage, i, j] -= inverse_mass[i] * forcing[index, stage, i, j]
+            for one in range(hidden_pull.size):
+                by_rate, by_state = hidden_slopes[index, stage, one]
+                for j in range(columns):
+                    change = inside[one, j]
+                    for earlier in range(stage):
+                        weight = step * _STAGE_WEIGHTS[stage, 1, earlier]
+                        change += weight * inside_rates[earlier, one, j]
+                    inside_rates[stage, one, j] = by_state * change
+                    for i in range(n):
+                        accelerated[stage, i, j] -= (
+                            inverse_mass[i] * hidden_pull[one] * hidden_lines[one, i] * change
+                        )
+                        inside_rates[stage, one, j] += (
+                            by_rate * hidden_lines[one, i] * place[n + i, j]
+                        )
             if stage == 0 and index % steps == 0:
                 kept[index // steps, : 2 * n] = place
                 kept[index // steps, 2 * n :] = accelerated[0]
@@ -123,7 +178,12 @@ def _variations(
         for i in range(size):
             start[0, i] += step * (start[1, i] + step * sums[0, i])
             start[1, i] += step * sums[1, i]
-    return kept, start.reshape((2 * n, columns))
+        for stage in range(stages):
+            weight = step * _STEP_WEIGHTS[1, stage]
+            for one in range(hidden_pull.size):
+                for j in range(columns):
+                    inside[one, j] += weight * inside_rates[stage, one, j]
+    return kept, start.reshape((2 * n, columns)), inside
 
 
 stage_states = numba.njit(cache=True)(_stage_states)

@@ -8,12 +8,13 @@ Solving Ordinary Differential Equations I, section II.5), several per sample whe
 has fast modes. Fixed steps make a run reproducible bit for bit.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from identnl_ros.core.errors import MachineError
-from identnl_ros.core.mechanics.laws import LawKind
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.mechanics.modes import stiffest_state_matrix
+from identnl_ros.core.mechanics.sharpness import sharpest_rate
+from identnl_ros.core.simulation.equations import equations_of as equations_of, initial_hidden
 from identnl_ros.core.simulation.excitation import Signal
 from identnl_ros.core.simulation.integrator import (
     accelerations,
@@ -36,101 +37,12 @@ LARGEST_MOTION = 1e6  # [m] or [rad]
 Motion = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 
-@dataclass(frozen=True)
-class Equations:
-    """
-    A model as plain arrays for the compiled integrator.
-
-    Linear springs and dampers are summed into matrices; only nonlinear lines remain.
-
-    Parameters
-    ----------
-    inverse_mass : ndarray, shape (n,)
-    stiffness, damping : ndarray, shape (n, n)
-    load : ndarray, shape (n,)
-        Constant generalised force.
-    lines : ndarray, shape (n_lines, n)
-        Lines that carry nonlinear terms.
-    term_line, term_kind : ndarray of int, shape (n_terms,)
-    term_numbers : ndarray, shape (n_terms, 4)
-        Coefficient, exponent, preload, rest force per unit of coefficient.
-    excitation_directions : ndarray, shape (n_excitations, n)
-
-    """
-
-    inverse_mass: NDArray[np.float64]
-    stiffness: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    load: NDArray[np.float64]
-    lines: NDArray[np.float64]
-    term_line: NDArray[np.int64]
-    term_kind: NDArray[np.int64]
-    term_numbers: NDArray[np.float64]
-    excitation_directions: NDArray[np.float64]
-
-    @property
-    def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """Arguments of the compiled functions, in order."""
-        return (
-            self.inverse_mass,
-            self.stiffness,
-            self.damping,
-            self.load,
-            self.lines,
-            self.term_line,
-            self.term_kind,
-            self.term_numbers,
-            self.excitation_directions,
-        )
-
-
-def equations_of(model: Model) -> Equations:
-    """
-    Flatten a model for the compiled integrator.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    Equations
-
-    Raises
-    ------
-    MachineError
-        If a number is not known.
-
-    """
-    model.require_values()
-    n = len(model.coordinates)
-    linear = np.zeros(len(model.lines))
-    used: dict[int, int] = {}
-    term_line, term_kind, term_numbers = [], [], []
-    for term in model.terms:
-        coefficient = model.parameters[term.parameter].value * term.factor
-        if term.law.kind is LawKind.LINEAR:
-            linear[term.line] += coefficient
-        elif term.law.kind is not LawKind.VISCOUS:
-            term_line.append(used.setdefault(term.line, len(used)))
-            term_kind.append(int(term.law.kind))
-            term_numbers.append(
-                (coefficient, term.law.exponent, term.law.preload, term.law.rest_force)
-            )
-    return Equations(
-        inverse_mass=1 / model.mass_diagonal(),
-        stiffness=(model.lines.T * linear) @ model.lines,
-        damping=model.damping_matrix(),
-        load=model.constant_load(),
-        lines=np.ascontiguousarray(model.lines[list(used)]).reshape(len(used), n),
-        term_line=np.array(term_line, dtype=np.int64),
-        term_kind=np.array(term_kind, dtype=np.int64),
-        term_numbers=np.array(term_numbers, dtype=np.float64).reshape(-1, 4),
-        excitation_directions=np.ascontiguousarray(model.excitation_directions),
-    )
-
-
-def steps_per_sample(model: Model, displacements: NDArray[np.float64], interval: float) -> int:
+def steps_per_sample(
+    model: Model,
+    displacements: NDArray[np.float64],
+    interval: float,
+    velocities: NDArray[np.float64] | None = None,
+) -> int:
     """
     Choose how many integration steps fit the machine's fastest motion.
 
@@ -141,14 +53,46 @@ def steps_per_sample(model: Model, displacements: NDArray[np.float64], interval:
         States that the machine passes through.
     interval : float
         Between samples [s].
+    velocities : ndarray, shape (n_states, n_coordinates), or None
+        Of the same states, at samples in time order; None: the machine rests.
 
     Returns
     -------
     int
 
     """
-    fastest = float(np.abs(np.linalg.eigvals(stiffest_state_matrix(model, displacements))).max())
+    fastest = fastest_rate(model, displacements, interval, velocities)
     return max(1, int(np.ceil(interval * fastest / STEP_LIMIT)))
+
+
+def fastest_rate(
+    model: Model,
+    displacements: NDArray[np.float64],
+    interval: float,
+    velocities: NDArray[np.float64] | None = None,
+) -> float:
+    """
+    Find the fastest motion that integration steps have to resolve.
+
+    Parameters
+    ----------
+    model, displacements, interval, velocities
+        As in `steps_per_sample`.
+
+    Returns
+    -------
+    float
+        [rad/s].
+
+    """
+    if velocities is not None:
+        finite = np.isfinite(velocities).all(axis=1)
+        displacements, velocities = displacements[finite], velocities[finite]
+    matrix = stiffest_state_matrix(model, displacements, velocities)
+    fastest = float(np.abs(np.linalg.eigvals(matrix)).max())
+    if velocities is None:
+        return fastest
+    return max(fastest, sharpest_rate(model, displacements, velocities, interval))
 
 
 @dataclass
@@ -167,6 +111,8 @@ class Simulation:
         Initial state, at time zero.
     steps : int
         Integration steps per output, to begin with; raised where the machine hardens.
+    hidden : ndarray, shape (n_hidden,)
+        Hysteretic states at time zero; by default zero.
 
     """
 
@@ -176,10 +122,12 @@ class Simulation:
     displacement: NDArray[np.float64]
     velocity: NDArray[np.float64]
     steps: int
+    hidden: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         """Prepare the arrays of the compiled integrator."""
         self._equations = equations_of(self.model)
+        self.hidden = initial_hidden(self.model, self.hidden)
         self._index = 0
 
     def advance(self, count: int, fractions: tuple[float, ...] = (0.0,)) -> Motion:
@@ -206,12 +154,13 @@ class Simulation:
         """
         start = self._index * self.interval
         for _ in range(REFINEMENTS):
-            displacement, velocity, *final = self._integrated(start, count)
+            displacement, velocity, hidden, *final = self._integrated(start, count)
             bounded = self._bounded(displacement, final[0])
             # A joint that hardens under way makes faster motions than at rest: smaller steps,
             # then. With far too large ones the integration itself breaks down.
             passed = displacement[: max(bounded, 1)]
-            needed = steps_per_sample(self.model, passed, self.interval)
+            rates = velocity[: max(bounded, 1)]
+            needed = steps_per_sample(self.model, passed, self.interval, rates)
             if needed <= self.steps:
                 break
             self.steps = needed if bounded > count else min(needed, 4 * self.steps)
@@ -221,9 +170,10 @@ class Simulation:
                 f'machine {self.model.machine.name}: the motion grows without bound at about '
                 f'{time:.4g} s; check for negative stiffness or damping, or too large a force'
             )
-        self.displacement, self.velocity = final
+        self.displacement, self.velocity, self.hidden = final
         self._index += count
-        outputs = [self._output(displacement, velocity, start, fraction) for fraction in fractions]
+        states = displacement, velocity, hidden
+        outputs = [self._output(states, start, fraction) for fraction in fractions]
         displacements, velocities, accelerated = zip(*outputs, strict=True)
         return np.stack(displacements), np.stack(velocities), np.stack(accelerated)
 
@@ -231,7 +181,7 @@ class Simulation:
         """Integrate from the present state."""
         step = self.interval / self.steps
         result: tuple[NDArray[np.float64], ...] = integrate(
-            self.displacement, self.velocity, step, self.steps,
+            self.displacement, self.velocity, self.hidden, step, self.steps,
             self._stage_forces(start, step, count * self.steps), *self._equations.arrays,
         )  # fmt: skip
         return result
@@ -247,12 +197,12 @@ class Simulation:
 
     def _output(
         self,
-        displacement: NDArray[np.float64],
-        velocity: NDArray[np.float64],
+        states: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
         start: float,
         fraction: float,
     ) -> Motion:
         """Find the motion a fraction of an interval after each of some states."""
+        displacement, velocity, hidden = states
         count = len(displacement)
         if fraction > 0:
             # Short runs of their own from every output instant: exact to the method's order.
@@ -263,11 +213,13 @@ class Simulation:
                     forces[:, part, stage] = self._forces(
                         start + (part + node) * step, self.interval, count
                     )
-            displacement, velocity = branch(
-                displacement, velocity, step, forces, *self._equations.arrays
+            displacement, velocity, hidden = branch(
+                displacement, velocity, hidden, step, forces, *self._equations.arrays
             )
         force = self._forces(start + fraction * self.interval, self.interval, count)
-        acceleration = accelerations(displacement, velocity, force, *self._equations.arrays)
+        acceleration = accelerations(
+            displacement, velocity, hidden, force, *self._equations.arrays
+        )
         return displacement, velocity, acceleration
 
     def _stage_forces(self, start: float, step: float, count: int) -> NDArray[np.float64]:

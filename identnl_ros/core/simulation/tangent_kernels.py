@@ -7,7 +7,10 @@ import numpy as np
 
 
 @numba.njit(cache=True)
-def newmark(state, forcing, slopes, lines, mass, damping, interval, beta):
+def newmark(
+    state, forcing, slopes, lines, mass, damping, rate_slopes, rate_lines,
+    inside, hidden_slopes, hidden_lines, hidden_pull, interval, beta,
+):  # fmt: skip
     """
     Integrate the linearised equations of motion of many columns at once.
 
@@ -22,6 +25,17 @@ def newmark(state, forcing, slopes, lines, mass, damping, interval, beta):
     lines : ndarray, shape (n_lines, n)
     mass : ndarray, shape (n,)
     damping : ndarray, shape (n, n)
+        The same at all samples.
+    rate_slopes : ndarray, shape (n_samples + 1, n_rate_lines)
+        Further damping, along lines; varies.
+    rate_lines : ndarray, shape (n_rate_lines, n)
+    inside : ndarray, shape (2, n_hidden, n_columns)
+        Hysteretic states and their rates; overwritten by those after the last step.
+    hidden_slopes : ndarray, shape (n_samples + 1, n_hidden, 2)
+        Derivatives of the rate of a hysteretic state by the rate of its line and by itself.
+    hidden_lines : ndarray, shape (n_hidden, n)
+    hidden_pull : ndarray, shape (n_hidden,)
+        Force per hysteretic state.
     interval : float
         [s].
     beta : float
@@ -40,8 +54,13 @@ def newmark(state, forcing, slopes, lines, mass, damping, interval, beta):
     stiffness = np.empty((n, n))
     factor = np.empty((n, n))
     right = np.empty((n, columns))
+    constant = damping
+    damping = constant.copy()
     for sample in range(samples + 1):
         _stiffness(stiffness, slopes[sample], lines)
+        if rate_lines.shape[0] > 0:
+            _stiffness(damping, rate_slopes[sample], rate_lines)
+            damping += constant
         # The acceleration now is that of displacement and velocity now, at the first sample;
         # afterwards the step brings all three.
         weight = 0.0 if sample == 0 else beta * interval * interval
@@ -66,15 +85,51 @@ def newmark(state, forcing, slopes, lines, mass, damping, interval, beta):
                 damper = damping[i, k]
                 for j in range(columns):
                     right[i, j] -= spring * displacement[k, j] + damper * velocity[k, j]
+        for one in range(hidden_pull.size):
+            _pull(
+                factor, right, inside[:, one], velocity, hidden_slopes[sample, one],
+                hidden_lines[one], hidden_pull[one], half,
+            )  # fmt: skip
         _solve(factor, right)
         for i in range(n):
             for j in range(columns):
                 acceleration[i, j] = right[i, j]
                 displacement[i, j] += weight * right[i, j]
                 velocity[i, j] += half * right[i, j]
+        for one in range(hidden_pull.size):
+            _follow(inside[:, one], velocity, hidden_slopes[sample, one], hidden_lines[one], half)
         if sample < samples:
             result[sample] = state
     return result
+
+
+@numba.njit(cache=True)
+def _pull(factor, right, inside, velocity, slopes, line, pull, half):
+    # The trapezoidal rule gives the hysteretic state from the velocity now, which is not known
+    # before the acceleration is: its share goes to the left side.
+    share = 1.0 / (1.0 - half * slopes[1])
+    by_velocity = half * slopes[0] * share
+    n, columns = right.shape
+    for j in range(columns):
+        state = (inside[0, j] + half * inside[1, j]) * share
+        for k in range(n):
+            state += by_velocity * line[k] * velocity[k, j]
+        for i in range(n):
+            right[i, j] -= pull * line[i] * state
+    for i in range(n):
+        for k in range(n):
+            factor[i, k] += half * pull * by_velocity * line[i] * line[k]
+
+
+@numba.njit(cache=True)
+def _follow(inside, velocity, slopes, line, half):
+    share = 1.0 / (1.0 - half * slopes[1])
+    for j in range(velocity.shape[1]):
+        rate = 0.0
+        for k in range(line.size):
+            rate += slopes[0] * line[k] * velocity[k, j]
+        inside[0, j] = (inside[0, j] + half * (inside[1, j] + rate)) * share
+        inside[1, j] = rate + slopes[1] * inside[0, j]
 
 
 @numba.njit(cache=True)

@@ -55,6 +55,7 @@ bench: setup
 study: setup
 	@$(BIN)/python studies/noise.py --estimator weak --runs 1000
 	@$(BIN)/python studies/noise.py --estimator likelihood --runs 200
+	@$(BIN)/python studies/inner.py --weak 200 --likelihood 60
 
 lint: setup
 	$(BIN)/ruff check

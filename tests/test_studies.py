@@ -10,16 +10,28 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-STUDY = Path(__file__).parents[1] / 'studies/noise.py'
+STUDIES = Path(__file__).parents[1] / 'studies'
+
+
+def loaded(name):
+    """Import a study as running it does: with its folder first in the path."""
+    spec = importlib.util.spec_from_file_location(f'{name}_study', STUDIES / f'{name}.py')
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(STUDIES)
+        spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope='module')
 def noise():
-    spec = importlib.util.spec_from_file_location('noise_study', STUDY)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules['noise_study'] = module
-    spec.loader.exec_module(module)
-    return module
+    return loaded('noise')
+
+
+@pytest.fixture(scope='module')
+def inner():
+    return loaded('inner')
 
 
 @pytest.mark.parametrize('excitation', ['multisine', 'sine'])
@@ -68,3 +80,20 @@ def test_tables_are_written_for_every_cell(noise):
     np.testing.assert_allclose(found.coverage, [1.0, 0.5])
     assert '| multisine | 10 nm, 0.01 m/s^2 | 2 |' in noise.summary([found])
     assert noise.details(found).count('\n| ') == 3 + 1
+
+
+def test_shared_exponent_and_all_preloads_are_found_inside_their_intervals(inner):
+    found = inner.study(inner.Cell('weak', 'all', 1000), 2, map)
+    assert found.failed == 0
+    assert [name for name in found.names if name.endswith('exponent')] == ['slideway_6.exponent']
+    assert sum(name.endswith('preload') for name in found.names) == 4
+    scores = (found.values - found.truth) / found.deviations
+    assert np.abs(scores).max() < 4.5
+    assert 0.6 < np.sqrt(np.mean(scores**2)) < 1.5
+    np.testing.assert_allclose(np.median(found.deviations, axis=0), found.bound, rtol=0.1)
+
+
+def test_preload_of_slideways_is_told_better_by_larger_forces(inner):
+    weak, strong = (inner.cramer_rao(*inner.case('both', force), 0.1) for force in (200, 1000))
+    model = inner.case('both', 200)[0]
+    assert np.all(weak[inner.inner(model)] > 3 * strong[inner.inner(model)])

@@ -18,9 +18,16 @@ from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
 from identnl_ros.core.measurement.motion_record import MotionRecord
 from identnl_ros.core.measurement.motion_weights import MotionWeights, noise_covariance
 from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.weak.chunk_fit import (
+    CONCESSIONS,
+    Contradiction,
+    FALSE_ALARM_RATE,
+    fitted_to_chunk,
+)
 from identnl_ros.core.weak.response_fit import FORCE_MARGIN, ResponseFit
 from identnl_ros.core.weak.response_search import (
     CHUNK,
+    remembered,
     Search,
     search,
     search_by_lengths,
@@ -40,6 +47,20 @@ Reals = NDArray[np.float64]
 FIRST_START = 2048
 # Samples kept to go over them again.
 KEPT = 2**15
+# With forgetting, samples are kept for so many memories: what was learned at bad values before
+# that hardly counts.
+KEPT_MEMORIES = 3
+# Where no values suit both the first samples of a run and what was known, the latter counts less
+# by this factor.
+LARGE_CONCESSION = 100.0
+# Chances that all chunks of a machine that has not changed seem to contradict what was known: to
+# doubt its model, and to let what was known count less.
+CREEP_ALARM_RATE = 1e-2
+CREEP_CONCESSION_RATE = 1e-4
+# With forgetting, a residual greater by this factor than after the start, in more than so many
+# chunks in a row, is no longer that of the same machine: a start is sought anew.
+ASTRAY = 10.0
+PATIENCE = 1
 # When there are twice as many samples as when they were gone over last, a change of the values by
 # this many standard errors is worth another pass: what was learned at the old values is wrong to
 # second order.
@@ -190,7 +211,16 @@ class Recursion:
         self.failure = failure
         self.started = self.tried = False
         self.perfect = False
-        self.fitted = 0
+        # The latest samples contradict what was learned before.
+        self.changing = False
+        # Of all chunks that still count, each with what was known before it.
+        self._contradiction = Contradiction()
+        # Root mean square of the residual over the noise, as it was after the start; chunks in a
+        # row with much more of it.
+        self._usual = 1.0
+        self._astray = 0
+        # Initial states that were fitted; a fraction where some have been forgotten.
+        self._states_fitted = 0.0
         self.statistics = ResidualStatistics(0, 1)
         self.force_noise = ForceNoise.none(len(self.model.estimated))
         self.weighed: WeighedRecord | None = None
@@ -206,6 +236,11 @@ class Recursion:
     def values(self) -> Reals:
         """Present values of the unknowns."""
         return self.model.values[list(self.model.estimated)]
+
+    @property
+    def fitted(self) -> int:
+        """Numbers that were fitted to what still counts."""
+        return len(self.model.estimated) + round(self._states_fitted)
 
     @property
     def information(self) -> Information:
@@ -250,9 +285,11 @@ class Recursion:
         self._earlier = state.information
         self.started, self.failure = True, ''
         self.statistics = ResidualStatistics.of(state.statistics, state.average)
-        self.fitted = state.fitted
+        self._usual = self.statistics.excess
+        self._states_fitted = state.fitted - len(self.model.estimated)
         self.force_noise = state.force_noise
         self.perfect = state.perfect
+        self.changing = state.changing
         self._kept = None
 
     def close(self) -> None:
@@ -269,6 +306,7 @@ class Recursion:
         self.statistics.restart()
         if self._kept is not None:
             self._kept.append(run)
+            self._let_go()
 
     def finish(self, start: bool = True) -> None:
         """
@@ -300,7 +338,7 @@ class Recursion:
             return
         self.tried = True
         # Later samples may be better ones: never give up.
-        self._next_start = min(2 * self._next_start, KEPT)
+        self._next_start = min(2 * self._next_start, self._room)
         try:
             for run in self._runs:
                 if run.weigh(anew=True):
@@ -313,8 +351,7 @@ class Recursion:
                 records = [run.record for run in runs]
                 model = weak_form_start(self._described, records, first.weights, first.function)
                 states = [run.state for run in runs if run.state is not None]
-                discount = self._discount(runs[0].record)
-                found = search_by_lengths(model, [run.whole for run in runs], states, discount)
+                found = search_by_lengths(model, [run.whole for run in runs], states, self._memory)
                 self._take(found, runs)
         except (IdentnlError, np.linalg.LinAlgError) as error:
             self.failure = f'no values were found from which a simulation could go on ({error})'
@@ -324,14 +361,15 @@ class Recursion:
         self.failure = found.reason
         self.started = found.converged
         self.statistics = found.statistics
+        self._usual, self._astray = found.statistics.excess, 0
         self.weighed = runs[-1].whole
         self.perfect = any(run.whole.weights.perfect for run in runs)
         self.model = found.fits[-1].model
         unknowns = len(self.model.estimated)
-        self.fitted = unknowns
+        self._states_fitted = 0.0
         self._earlier = Information.empty(unknowns)
         for run, fit in zip(runs, found.fits, strict=True):
-            self.fitted += fit.information.size - unknowns
+            self._states_fitted += fit.information.size - unknowns
             run.state = fit.initial_state
             if run is self._run:
                 run.fit, run.position = fit, run.whole.end
@@ -377,19 +415,77 @@ class Recursion:
         end = min(run.position + CHUNK, inside)
         if run.fit is None or end <= run.position or (end < run.position + CHUNK and not final):
             return False
-        share = self._discount(run.record)
-        if share < 1:
-            self._earlier = self._earlier.discounted(share)
-            run.fit.information = run.fit.information.discounted(share)
-            self.statistics.discount(share)
         try:
-            deviation = run.fit.advance(run.record, run.position, end)
+            self._use(run, run.fit, end)
         except IdentnlError as error:
             self._give_up(run, end, str(error))
             return False
         run.position = end
-        self.statistics.add(deviation.after(self._move()), run.whole.weights.places)
         return True
+
+    def _use(self, run: _Run, fit: ResponseFit, end: int) -> None:
+        """Learn from samples up to an end."""
+        if self._memory is None:
+            deviation = fit.advance(run.record, run.position, end)
+            self.statistics.add(deviation.after(self._move()), run.whole.weights.places)
+            return
+        share = remembered(self._memory, end - run.position, run.record.sample_rate)
+        self._forget(share)
+        known = fit.carried_on(self._earlier)
+        found = fitted_to_chunk(known, run.record, run.position, end)
+        self._concede(found.share)
+        self._contradiction = self._contradiction.followed_by(
+            found.contradiction, share * found.share
+        )
+        run.fit, self.model = found.fit, found.fit.model
+        self._earlier = Information.empty(len(self.model.estimated))
+        self.statistics.add(found.residuals, run.whole.weights.places)
+        squares = found.residuals[np.isfinite(found.residuals)] ** 2
+        self._require_following(float(np.sqrt(squares.mean())) if squares.size else 0.0)
+        # Too little to be seen in a chunk, but always again: the machine changes slowly.
+        if self._contradiction.excess(CREEP_CONCESSION_RATE) > 1:
+            self._concede(self._contradiction.freedom / self._contradiction.squares)
+        self.changing |= self._contradiction.excess(CREEP_ALARM_RATE) > 1
+
+    def _require_following(self, residual: float) -> None:
+        """
+        Require that the simulation still follows the motion about as well as at the start.
+
+        Parameters
+        ----------
+        residual : float
+            Root mean square over the noise, of the latest chunk.
+
+        Raises
+        ------
+        MachineError
+            If it does not: no step leads from the present values to those of the machine.
+
+        """
+        self._astray = self._astray + 1 if residual > ASTRAY * max(1.0, self._usual) else 0
+        if self._astray > PATIENCE:
+            raise MachineError(
+                f'machine {self.model.machine.name}: it has changed so much that the simulation '
+                'no longer follows it'
+            )
+
+    def _concede(self, share: float) -> None:
+        """Let what was learned count less where new samples contradict it."""
+        self.changing = share < 1
+        if self.changing:
+            self._forget(share)
+            # Going over samples from before the change would bring it back.
+            self._kept = None
+
+    def _forget(self, share: float) -> None:
+        """Let all that was learned count less."""
+        if share == 1:
+            return
+        self._earlier = self._earlier.discounted(share)
+        if self._run is not None and self._run.fit is not None:
+            self._run.fit.information = self._run.fit.information.discounted(share)
+        self.statistics.discount(share)
+        self._states_fitted *= share
 
     def _give_up(self, run: _Run, end: int, reason: str) -> None:
         """Start anew behind samples that cannot be simulated with the present values."""
@@ -401,18 +497,39 @@ class Recursion:
         self.weighed = run.whole
         if not self.statistics.channels:
             self.statistics = statistics_for(run.whole)
-        # Of the initial state little is known: the first samples are gone over until it fits.
         beginning = run.whole.beginning(CHUNK)
-        found = search_by_lengths(
-            self.model, [beginning], [beginning.initial_state()], known=self._earlier
-        )
+        length = beginning.end - beginning.first
+        self._forget(remembered(self._memory, length, run.record.sample_rate))
+        found, share = self._begin_fit(beginning)
+        self._concede(share)
         (run.fit,) = found.fits
         self._earlier = self._earlier.shifted(run.fit.values - self.values)
         self.model = run.fit.model
         run.state, run.position = run.fit.initial_state, beginning.end
         self.statistics.merge(found.statistics)
-        self.fitted += run.fit.information.size - len(self.model.estimated)
+        if self._memory is not None:
+            self._require_following(found.statistics.excess)
+        self._states_fitted += run.fit.information.size - len(self.model.estimated)
         self._move()
+
+    def _begin_fit(self, beginning: WeighedRecord) -> tuple[Search, float]:
+        """Fit the first samples of a run; tell how much what was known before still counts."""
+        state, share = beginning.initial_state(), 1.0
+        # Of the initial state little is known: the first samples are gone over until it fits.
+        found = search_by_lengths(self.model, [beginning], [state], known=self._earlier)
+        if self._memory is None:
+            return found, share
+        for _ in range(CONCESSIONS):
+            fit = found.fits[0]
+            known = self._earlier.discounted(share).shifted(fit.values - self.values)
+            excess = Contradiction.between(fit.information, known).excess(FALSE_ALARM_RATE)
+            if found.converged and excess <= 1:
+                break
+            # The machine has changed since the last run.
+            share /= max(excess, 1.0 if found.converged else LARGE_CONCESSION)
+            known = self._earlier.discounted(share)
+            found = search_by_lengths(self.model, [beginning], [state], known=known)
+        return found, share
 
     def _move(self) -> Reals:
         """Linearise about the present estimate; give the step, initial state included."""
@@ -440,25 +557,27 @@ class Recursion:
         negligible = moved <= NEGLIGIBLE * np.abs(self.values)
         if np.all((moved <= WORTH_A_PASS * deviation) | solution.free | negligible):
             return
+        if self._memory is not None:
+            # What changes need not be followed from its beginning to its end: try once.
+            self._gone_over = count
         runs = [run for run in self._runs if run.weigh(anew=False)]
         with suppress(IdentnlError):
             states = [run.state for run in runs if run.state is not None]
-            discount = self._discount(runs[0].record)
             records = [run.whole for run in runs]
-            found = search(self.model, records, states, discount, WORTH_A_PASS)
+            found = search(self.model, records, states, self._memory, WORTH_A_PASS)
             if found.converged:
                 self._take(found, runs)
 
     def _let_go(self) -> None:
         """Keep no more samples than memory is meant for."""
-        if sum(len(run.record) for run in self._runs) > KEPT:
-            if self.started:
+        if sum(len(run.record) for run in self._runs) > self._room:
+            if self.started and self._kept is not None:
                 self._kept = None
             elif self._kept:
                 self._kept = self._kept[1:]
-            elif self._run is not None:
+            elif self._run is not None and (not self.started or self._run.fit is None):
                 count = len(self._run.record)
-                self._run.record = self._run.record.part(count - KEPT // 2, count)
+                self._run.record = self._run.record.part(count - self._room // 2, count)
         run = self._run
         if self._kept is None and run is not None and run.fit is not None:
             used = max(run.position - FORCE_MARGIN, 0)
@@ -466,12 +585,15 @@ class Recursion:
             run.position -= used
 
     @property
+    def _room(self) -> int:
+        """Samples to keep."""
+        runs = self._runs
+        if self._memory is None or not runs:
+            return KEPT
+        wanted = KEPT_MEMORIES * self._memory * runs[-1].record.sample_rate
+        return int(np.clip(wanted, 2 * FIRST_START, KEPT))
+
+    @property
     def _runs(self) -> list[_Run]:
         """All runs that are kept, the open one last."""
         return [*(self._kept or []), *([] if self._run is None else [self._run])]
-
-    def _discount(self, record: MotionRecord) -> float:
-        """Weight of what was learned before a chunk."""
-        if self._memory is None:
-            return 1.0
-        return float(np.exp(-CHUNK / (record.sample_rate * self._memory)))

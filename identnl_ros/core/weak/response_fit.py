@@ -13,7 +13,7 @@ by what the derivatives say, and no sample is needed again.
 
 from dataclasses import dataclass
 
-from identnl_ros.core.algebra.information import Information
+from identnl_ros.core.algebra.information import Information, merge_by_name
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.motion_record import MotionRecord
 from identnl_ros.core.measurement.motion_weights import MotionWeights
@@ -31,6 +31,9 @@ Reals = NDArray[np.float64]
 FORCE_MARGIN = 40
 # Beyond this nothing can be learned, and squares overflow soon.
 LARGEST_DERIVATIVE = 1e60
+# A state that is carried on may be uncertain by this much more, in standard errors of its parts:
+# far less than what any data can tell, and far more than rounding.
+CARRIED_ERROR = 1e-5
 
 
 @dataclass(frozen=True)
@@ -165,6 +168,59 @@ class ResponseFit:
             )
         return deviation
 
+    def carried_on(self, earlier: Information) -> 'ResponseFit':
+        """
+        Go on with the present state as the initial one.
+
+        What is known of it follows from what is known of the unknowns and of the old one.
+
+        Parameters
+        ----------
+        earlier : Information
+            What else is known of the unknowns, on differences from the present values.
+
+        Returns
+        -------
+        ResponseFit
+
+        """
+        known = joined(self.information, earlier)
+        size, unknowns = known.size, len(self.model.estimated)
+        # New state = effect of the unknowns and of the old state + an error next to nothing.
+        effect = np.concatenate(tuple(self._response.present))
+        variance = np.einsum('ij,jk,ik->i', effect, known.solve().inverse, effect)
+        error = CARRIED_ERROR * np.sqrt(np.where(variance > 0, variance, 1.0))
+        rows = np.column_stack((-effect, np.eye(len(effect)))) / error[:, np.newaxis]
+        empty = Information.empty(size + len(effect))
+        whole = joined(empty, known).with_rows(rows, np.zeros(len(effect)))
+        kept = [*range(unknowns), *range(size, whole.size)]
+        following = ResponseFit(self.model, self._weights, self._rate, *self._state)
+        following.information = whole.marginalised(kept)
+        return following
+
+    def begun_at(self, difference: Reals) -> 'ResponseFit':
+        """
+        Begin at other values and another initial state, with nothing learned.
+
+        Parameters
+        ----------
+        difference : ndarray, shape (n_unknowns + 2 n_coordinates,)
+            From the present ones; this fit has not taken any samples yet.
+
+        Returns
+        -------
+        ResponseFit
+
+        Raises
+        ------
+        MachineError
+            If a number leaves its range.
+
+        """
+        other = ResponseFit(self.model, self._weights, self._rate, *self._state)
+        other.move(difference)
+        return other
+
     def difference(self, unknowns: Reals) -> Reals:
         """
         Complete a change of the unknowns by that of the initial state which then fits best.
@@ -215,3 +271,21 @@ class ResponseFit:
         self._state = self._state[0] + changes[0], self._state[1] + changes[1]
         self._response.use(self.model)
         self.information = self.information.shifted(difference)
+
+
+def joined(information: Information, other: Information) -> Information:
+    """
+    Join with information on the first unknowns only.
+
+    Parameters
+    ----------
+    information, other : Information
+        On differences from the same values, the other one on no more of them.
+
+    Returns
+    -------
+    Information
+
+    """
+    names = [str(i) for i in range(information.size)]
+    return merge_by_name([(information, names), (other, names[: other.size])])[0]

@@ -162,7 +162,7 @@ def search(
     model: Model,
     records: Sequence[WeighedRecord],
     states: Sequence[State],
-    discount: float = 1.0,
+    memory: float | None = None,
     small_step: float = SMALL_STEP,
     prior: Information | None = None,
 ) -> Search:
@@ -176,8 +176,8 @@ def search(
     records : sequence of WeighedRecord
     states : sequence of (displacement, velocity)
         Initial state of every record to start from.
-    discount : float
-        Weight of what has been learned before each `CHUNK` of samples; 1 forgets nothing.
+    memory : float or None
+        Time after which what was learned counts 1/e as much [s]; None: nothing is forgotten.
     small_step : float
         Step, in standard errors, at which to stop.
     prior : Information or None
@@ -193,7 +193,7 @@ def search(
         If the values to start from cannot be simulated.
 
     """
-    task = _Task(records, discount, model, prior)
+    task = _Task(records, memory, model, prior)
     point = task.at(model, list(states))
     passes, reason = 1, f'no convergence in {PASSES} passes over the data'
     converged = False
@@ -216,7 +216,7 @@ def search_by_lengths(
     model: Model,
     records: Sequence[WeighedRecord],
     states: Sequence[State],
-    discount: float = 1.0,
+    memory: float | None = None,
     known: Information | None = None,
 ) -> Search:
     """
@@ -226,7 +226,7 @@ def search_by_lengths(
 
     Parameters
     ----------
-    model, records, states, discount
+    model, records, states, memory
         As in `search`.
     known : Information or None
         What is known of the differences of the unknowns from the values to start from.
@@ -242,13 +242,11 @@ def search_by_lengths(
 
     """
     with suppress(MachineError):
-        present, beginning = _from_beginnings(model, records, list(states), discount, known)
-        found = search(
-            present, records, beginning, discount, SMALL_STEP, _at(present, model, known)
-        )
+        present, beginning = _from_beginnings(model, records, list(states), memory, known)
+        found = search(present, records, beginning, memory, SMALL_STEP, _at(present, model, known))
         if found.converged:
             return found
-    return search(model, records, states, discount, SMALL_STEP, known)
+    return search(model, records, states, memory, SMALL_STEP, known)
 
 
 def _at(present: Model, start: Model, known: Information | None) -> Information | None:
@@ -262,7 +260,7 @@ def _from_beginnings(
     start: Model,
     records: Sequence[WeighedRecord],
     states: list[State],
-    discount: float,
+    memory: float | None,
     known: Information | None,
 ) -> tuple[Model, list[State]]:
     """Improve values and initial states on ever longer beginnings of the records."""
@@ -277,7 +275,7 @@ def _from_beginnings(
     while length < longest:
         beginnings = [one.beginning(length) for one in records]
         prior = _at(model, start, known)
-        found = search(model, beginnings, states, discount, SMALL_STEP, prior)
+        found = search(model, beginnings, states, memory, SMALL_STEP, prior)
         if found.converged:
             model = found.fits[0].model
             states = [fit.initial_state for fit in found.fits]
@@ -290,7 +288,7 @@ class _Task:
     """What a search goes over: records, forgetting, and what was known before."""
 
     records: Sequence[WeighedRecord]
-    discount: float
+    memory: float | None
     start: Model
     prior: Information | None
 
@@ -303,10 +301,13 @@ class _Task:
             statistics.restart()
             fits.append(fit)
             for first in range(one.first, one.end, CHUNK):
-                if self.discount < 1:
+                end = min(first + CHUNK, one.end)
+                share = remembered(self.memory, end - first, one.record.sample_rate)
+                if share < 1:
+                    statistics.discount(share)
                     for earlier in fits:
-                        earlier.information = earlier.information.discounted(self.discount)
-                deviation = fit.advance(one.record, first, min(first + CHUNK, one.end))
+                        earlier.information = earlier.information.discounted(share)
+                deviation = fit.advance(one.record, first, end)
                 statistics.add(deviation.values, one.weights.places)
         cost = sum(float((fit.information.factor[:, -1] ** 2).sum()) for fit in fits)
         total = joint_information(fits)
@@ -316,6 +317,31 @@ class _Task:
             cost += float((prior.factor[:, -1] ** 2).sum())
             total = total.merged(prior)
         return _Point(model, states, fits, statistics, cost, total.solve())
+
+
+def remembered(memory: float | None, samples: int, sample_rate: float) -> float:
+    """
+    Find how much what was learned still counts.
+
+    Parameters
+    ----------
+    memory : float or None
+        Time after which it counts 1/e as much, not less than that of a `CHUNK` [s]; None: nothing
+        is forgotten.
+    samples : int
+        That came since.
+    sample_rate : float
+        [Hz].
+
+    Returns
+    -------
+    float
+        Above 0, at most 1.
+
+    """
+    if memory is None:
+        return 1.0
+    return float(np.exp(-samples / max(memory * sample_rate, CHUNK)))
 
 
 def statistics_for(record: WeighedRecord) -> ResidualStatistics:

@@ -3,6 +3,7 @@
 """The streaming estimator that survives sensor noise: weak-form start, linearised likelihood."""
 
 from copy import deepcopy
+from dataclasses import replace
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimation.estimate import Estimate
@@ -23,6 +24,11 @@ from identnl_ros.core.weak.weak_state import WeakState
 import numpy as np
 from numpy.typing import NDArray
 
+CHANGING = (
+    'The latest samples contradict what was learned before: the machine is changing. The standard '
+    'deviations do not hold.'
+)
+
 
 class WeakIdentifier:
     """
@@ -40,8 +46,8 @@ class WeakIdentifier:
         Preloads and exponents that are unknown start from the values they have here; no value
         of another unknown is used.
     memory : float or None
-        Time after which what was learned counts 1/e as much, for slow change [s]; None: all
-        counts alike.
+        Time after which what was learned counts 1/e as much, for a machine that changes [s];
+        where new samples contradict it, it counts less at once. None: all counts alike.
 
     Raises
     ------
@@ -106,6 +112,7 @@ class WeakIdentifier:
             recursion.fitted,
             recursion.force_noise,
             recursion.perfect,
+            recursion.changing,
             self._samples,
             self._rejected,
             tuple(self._model.parameters[i].name for i in self._model.estimated),
@@ -167,7 +174,7 @@ class WeakIdentifier:
         if arrival is not Arrival.IN_ORDER:
             self._recursion.close()
         self._noise_estimated |= block.noise_estimated
-        noise = _noise_of(block, self._model.excitation_directions)
+        noise = noise_of(block, self._model.excitation_directions)
         for number, record in enumerate(records_of(block, self._model.excitation_directions)):
             if number:
                 self._recursion.close()
@@ -199,6 +206,8 @@ class WeakIdentifier:
         solution = information.solve()
         freedom = max(information.rows - information.size, 1.0)
         verdict = verdict_on(recursion.statistics, recursion.fitted, recursion.force_noise)
+        if recursion.changing and not verdict.doubt:
+            verdict = replace(verdict, doubt=CHANGING)
         if recursion.perfect:
             # Nothing is perfect to the last digit: no doubt about the model from that.
             variance = max(1.0, solution.residual_squares / freedom)
@@ -246,7 +255,7 @@ class WeakIdentifier:
         return remarks
 
 
-def _noise_of(block: MotionBlock, directions: NDArray[np.float64]) -> Noise:
+def noise_of(block: MotionBlock, directions: NDArray[np.float64]) -> Noise:
     # An estimate of the moment depends on how the stream was cut into blocks: not used.
     unknown = np.nan if block.noise_estimated else 0.0
     covariances = (

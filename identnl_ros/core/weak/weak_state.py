@@ -31,6 +31,8 @@ class WeakState:
         What noise of the measured force adds to the errors.
     perfect : bool
         The sensors were stated to be without noise.
+    changing : bool
+        The latest samples contradicted what had been learned before.
     samples, rejected : int
         Instants used and left out.
     unknowns : tuple of str
@@ -51,6 +53,7 @@ class WeakState:
     fitted: int
     force_noise: ForceNoise
     perfect: bool
+    changing: bool
     samples: int
     rejected: int
     unknowns: tuple[str, ...]

@@ -12,6 +12,7 @@ from identnl_ros import __version__
 COMMANDS = {
     'simulate': ('simulate', 'Record a bag on the simulated stand.'),
     'identify': ('identify', 'Identify the parameters of a machine from a bag.'),
+    'diagnose': ('diagnose', 'Find what a model lacks where it differs from the measurement.'),
     'validate': ('validate', 'Compare a machine with identified parameters with a bag.'),
     'design': ('design', 'Tell what a planned run would determine, before it is made.'),
     'replay': ('replay', 'Publish the samples of a bag on ROS 2 topics.'),

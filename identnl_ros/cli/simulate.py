@@ -4,6 +4,7 @@
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from identnl_ros.cli.output import command as reporting, Outcome, say
@@ -12,6 +13,12 @@ from identnl_ros.cli.quantity_types import FORCE, FREQUENCY, NOISE, TIME
 from identnl_ros.core.errors import DataError
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from identnl_ros.core.discrepancy.description import Description
+    from identnl_ros.core.measurement.layout import Layout
+    from identnl_ros.core.mechanics.machine import Machine
+    from identnl_ros.sources.simulated import TestRun
 
 
 @click.command('simulate')
@@ -81,6 +88,19 @@ from numpy.typing import NDArray
     help='Recorded excitation: text file, one force [N] a line, at the sample rate.',
 )
 @click.option(
+    '--hide',
+    'hidden',
+    multiple=True,
+    metavar='EFFECT[:PLACE][:SIZE]',
+    help='Give the stand an effect that machine and layout in the bag do not tell of, e.g. '
+    '"added_mass:knee:5 kg"; sizes also in percent of the exciters\' strength.',
+)
+@click.option(
+    '--truth',
+    type=click.Path(path_type=Path, dir_okay=False),
+    help='With --hide: file that tells what was hidden; without it, OUT.truth.json.',
+)
+@click.option(
     '--out',
     required=True,
     type=click.Path(path_type=Path),
@@ -100,6 +120,8 @@ def command(
     band: tuple[float, float] | None,
     period: float,
     force_file: Path | None,
+    hidden: tuple[str, ...],
+    truth: Path | None,
     out: Path,
 ) -> Outcome:
     """Run the simulated stand and record its sensors in a bag, with the true parameters."""
@@ -124,10 +146,12 @@ def command(
         period,
         _recorded_force(force_file, excitation),
     )
+    actual, told = _with_hidden(machine_file.machine, sensors.layout, run, hidden)
     with BagWriter(out) as bag:
         source = SimulatedSource(
-            machine_file.machine, sensors.layout, run, machine_file.text, sensors.text
-        )
+            machine_file.machine, sensors.layout, run, machine_file.text, sensors.text,
+            actual=actual,
+        )  # fmt: skip
         bag.write_description(source.description)
         with progress('simulating', run.samples) as advance:
             for block in source.blocks():
@@ -146,6 +170,12 @@ def command(
         'seed': seed,
         'true_parameters': source.truth,
     }
+    if hidden:
+        from identnl_ros.storage.replaced_file import write_text
+
+        path = truth or out.with_name(f'{out.name}.truth.json')
+        write_text(path, [json.dumps({'hidden': told}, indent=2), '\n'])
+        document['truth'] = str(path)
     return Outcome(
         document,
         lambda: click.echo(
@@ -153,6 +183,36 @@ def command(
             f'{run.sample_rate:g} Hz'
         ),
     )
+
+
+def _with_hidden(
+    machine: 'Machine', layout: 'Layout', run: 'TestRun', texts: tuple[str, ...]
+) -> tuple['Description | None', list[dict[str, object]]]:
+    """Describe the stand with everything that is to be hidden, and tell what that is."""
+    if not texts:
+        return None, []
+    from identnl_ros.core.discrepancy.description import Description
+    from identnl_ros.sources.hiding import hidden_effect
+    from identnl_ros.sources.simulated import excitation_signals
+
+    description = Description(machine, layout)
+    generator = np.random.default_rng(np.random.SeedSequence(run.seed, spawn_key=(1,)))
+    told: list[dict[str, object]] = []
+    for text in texts:
+        signals = excitation_signals(machine.excitations, run)
+        one = hidden_effect(text, description, signals, run.sample_rate, generator)
+        hypothesis = one.hypothesis
+        description = one.truth(description)
+        told.append(
+            {
+                'effect': hypothesis.effect.name,
+                'location': hypothesis.place.label,
+                'size': one.size,
+                'unit': hypothesis.effect.unit(hypothesis.place),
+                'inner': dict(hypothesis.inner),
+            }
+        )
+    return description, told
 
 
 def _recorded_force(path: Path | None, excitation: str) -> NDArray[np.float64] | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from enum import Enum
 import hashlib
 
+from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.blocks import SampleBlock, samples_per_block
 from identnl_ros.core.measurement.layout import Layout
@@ -128,6 +129,8 @@ class SimulatedSource:
         None: derived from machine, layout and run: the same for the same samples only.
     stamp_ns : int
         Time stamp of the first sample [ns].
+    actual : Description or None
+        The stand as it is, where machine and layout do not tell all; None: they do.
 
     Raises
     ------
@@ -145,21 +148,24 @@ class SimulatedSource:
         layout_text: str = '',
         stream_id: int | None = None,
         stamp_ns: int = 0,
+        actual: Description | None = None,
     ) -> None:
         _, _, stand_seed = np.random.SeedSequence(run.seed).spawn(3)
         if stream_id is None:
             stream_id = _stream_id(machine, run, machine_text, layout_text)
         self._run = run
         self._model = assemble(machine)
-        layout = layout.with_noise_times(run.noise)
+        stated, layout = layout, layout.with_noise_times(run.noise)
+        actual = actual or Description(machine, stated)
         self._stand = SimulatedStand(
-            self._model,
-            layout,
+            assemble(actual.machine),
+            actual.layout.with_noise_times(run.noise),
             excitation_signals(machine.excitations, run),
             run.sample_rate,
             int(stand_seed.generate_state(1, np.uint64)[0]),
             stream_id,
             stamp_ns,
+            layout,
         )
         self._description = StandDescription(
             stand=layout.stand,

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Principal central axes of inertia, named after the machine axes that they are nearest to."""
 
+from functools import lru_cache
 from itertools import permutations
 
 import numpy as np
@@ -34,6 +35,16 @@ def principal_axes(
         Principal axes as columns, right-handed, machine frame.
 
     """
+    moments, axes = _principal_axes(np.asarray(inertia, dtype=np.float64).tobytes())
+    return moments.copy(), axes.copy()
+
+
+@lru_cache(maxsize=256)
+def _principal_axes(
+    content: bytes,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Find them once for every tensor: many joints ask for the axes of few bodies."""
+    inertia = np.frombuffer(content).reshape(3, 3)
     moments, vectors = np.linalg.eigh((inertia + inertia.T) / 2)
     # Where moments are equal, any basis of their space is principal: project the machine's
     # axes into each space, so that nearness below does not depend on eigh's choice.

@@ -67,6 +67,9 @@ PATIENCE = 1
 WORTH_A_PASS = 0.3
 # Second-order effects of a relative change this small are beyond double precision.
 NEGLIGIBLE = 1e-8
+# Rows learned at different values contradict each other in the directions that the data tell
+# worst, by about the relative change times the condition number: so much is worth a last pass.
+WORTH_A_LAST_PASS = 0.3
 # Samples on which the effect of force noise is studied at most.
 LONGEST_FORCE_STUDY = 2**13
 # A record shorter than this many test functions tells little more than its initial state.
@@ -323,6 +326,10 @@ class Recursion:
             self._run.join()
         if self.started or start:
             self._work(final=True)
+        if self.started and self._memory is None:
+            self._go_over_again_if_moved(last=True)
+            while self._advance(final=True):
+                pass
 
     def _work(self, final: bool) -> None:
         if not self.started:
@@ -547,19 +554,22 @@ class Recursion:
             self._earlier = self._earlier.shifted(unknowns)
         return step
 
-    def _go_over_again_if_moved(self) -> None:
+    def _go_over_again_if_moved(self, last: bool = False) -> None:
         count = sum(len(run.record) for run in self._runs)
-        if self._kept is None or count < 2 * self._gone_over:
+        if self._kept is None or (count < 2 * self._gone_over and not last):
             return
         moved = np.abs(self.values - self._reference)
         solution = self.information.solve()
         deviation = np.sqrt(np.maximum(np.diag(solution.inverse), 0.0))
-        negligible = moved <= NEGLIGIBLE * np.abs(self.values)
-        if np.all((moved <= WORTH_A_PASS * deviation) | solution.free | negligible):
+        relative = np.where(moved > 0, np.inf, 0.0)
+        np.divide(moved, np.abs(self.values), out=relative, where=self.values != 0)
+        if np.all((moved <= WORTH_A_PASS * deviation) | solution.free | (relative <= NEGLIGIBLE)):
             return
-        if self._memory is not None:
-            # What changes need not be followed from its beginning to its end: try once.
-            self._gone_over = count
+        largest = float(relative[~solution.free].max(initial=0.0))
+        if last and largest * solution.condition_number <= WORTH_A_LAST_PASS:
+            return
+        # Where it does not help, not again at every chunk.
+        self._gone_over = count
         runs = [run for run in self._runs if run.weigh(anew=False)]
         with suppress(IdentnlError):
             states = [run.state for run in runs if run.state is not None]

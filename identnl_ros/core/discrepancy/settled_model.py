@@ -1,0 +1,249 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A model brought as close to a record as it can come: Gauss-Newton about a nominal motion."""
+
+from dataclasses import dataclass
+
+from identnl_ros.core.discrepancy.description import Description
+from identnl_ros.core.discrepancy.evidence import Comparison
+from identnl_ros.core.errors import MachineError
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.model import Model
+import numpy as np
+from numpy.typing import NDArray
+
+Reals = NDArray[np.float64]
+
+PASSES = 6
+HALVINGS = 6
+# The last step may be this many standard errors (root mean square).
+SMALL_STEP = 0.05
+# Directions of the unknowns that the data see less than this, relatively, are left alone.
+UNSEEN = 1e-9
+# Times that what is left may grow in a step, beyond which the step is too long.
+GROWTH = 1.5
+# Beyond this, responses to a step cannot be told from growth without bound.
+LARGEST = 1e30
+
+
+@dataclass(frozen=True)
+class SettledModel:
+    """
+    A description with the values that fit a record best.
+
+    Parameters
+    ----------
+    description : Description
+    model : Model
+        Assembled from its machine, with these values.
+    comparison : Comparison
+        Of the record, about the last nominal motion.
+    deviations : ndarray, shape (n_unknowns,)
+        Standard deviations of the unknowns, as in `Model.estimated` [SI].
+    excess : float
+        Mean square of what is left, over that of noise.
+    freedom : int
+        Degrees of freedom of that.
+    state : tuple of ndarray
+        Displacement and velocity at the first sample compared.
+
+    """
+
+    description: Description
+    model: Model
+    comparison: Comparison
+    deviations: Reals
+    excess: float
+    freedom: int
+    state: tuple[Reals, Reals]
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares of what is left, in units of the noise."""
+        return self.excess * self.freedom
+
+    @property
+    def is_noise(self) -> bool:
+        """What is left is noise, as far as its size tells."""
+        return self.excess < 1 + ROUGHNESS + TOLERANCE * float(np.sqrt(2 / self.freedom))
+
+
+# Standard deviations of the mean square that are let pass, and what the estimate of the noise
+# itself may be wrong by.
+TOLERANCE = 3.0
+ROUGHNESS = 0.01
+
+
+def settled(
+    description: Description,
+    model: Model,
+    record: MeasuredRecord,
+    state: tuple[Reals, Reals] | None = None,
+    held: bool = False,
+    passes: int = PASSES,
+    noise: Reals | None = None,
+) -> SettledModel:
+    """
+    Improve the unknowns and the initial state until they fit the record.
+
+    Parameters
+    ----------
+    description : Description
+    model : Model
+        Assembled from its machine; its values are the start.
+    record : MeasuredRecord
+    state : tuple of ndarray or None
+        Initial displacement and velocity to start from; None: from the first samples.
+    held : bool
+        The unknowns stay; only the initial state is improved.
+    passes : int
+        At most.
+    noise : ndarray, shape (n_motion_sensors,), or None
+        Of one reading [SI]; None: read off the data, anew for the result.
+
+    Returns
+    -------
+    SettledModel
+
+    """
+    fixed = noise is not None
+    best: SettledModel | None = None
+    base = model, state, np.zeros(0)
+    for _ in range(passes):
+        comparison = Comparison(description, model, record, state, noise)
+        noise = comparison.deviation
+        solved = _solved(comparison, held)
+        if best is not None and (solved is None or solved.left > GROWTH * best.cost):
+            # Too far: the linearisation does not hold.
+            origin, base_state, step = base
+            base = origin, base_state, step / 2
+            model, state = _after(origin, base_state, step / 2, held)
+            continue
+        if solved is None:
+            raise MachineError(
+                f'machine {model.machine.name}: its motion grows without bound with the values to '
+                'start from; give other start values'
+            )
+        freedom = solved.rows - len(solved.step)
+        motion = comparison.motion
+        begin = motion.displacement[0], motion.velocity[0]
+        base = model, begin, solved.step
+        earlier = comparison.state
+        model, state = _after(*base, held)
+        assert state is not None
+        moved = np.concatenate((state[0] - earlier[0], state[1] - earlier[1]))
+        change = np.concatenate((solved.step[: -len(moved)], moved)) / solved.spread
+        if best is None or solved.left < best.cost:
+            best = SettledModel(
+                description, model, comparison, solved.deviations, solved.left / freedom, freedom,
+                state,
+            )  # fmt: skip
+        if np.sqrt(np.mean(change**2)) < SMALL_STEP:
+            break
+    assert best is not None
+    return best if fixed else _with_noise_anew(best, record, held)
+
+
+def _with_noise_anew(settled: SettledModel, record: MeasuredRecord, held: bool) -> SettledModel:
+    """Read the noise off what is left in the end, and judge by that."""
+    comparison = Comparison(settled.description, settled.model, record, settled.state)
+    solved = None if comparison.failed else _solved(comparison, held)
+    if solved is None:
+        return settled
+    freedom = solved.rows - len(solved.step)
+    return SettledModel(
+        settled.description, settled.model, comparison, solved.deviations, solved.left / freedom,
+        freedom, settled.state,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """One linear regression: its step, and what that leaves."""
+
+    step: Reals
+    deviations: Reals
+    left: float
+    rows: int
+    spread: Reals
+
+
+def _solved(comparison: Comparison, held: bool) -> _Solved | None:
+    """Solve the regression; None where the linearised motion grows without bound."""
+    with np.errstate(over='ignore', invalid='ignore'):
+        evidence = comparison.evidence(())
+    unknowns = len(comparison.model.estimated)
+    table = evidence.base[:, unknowns:] if held else evidence.base
+    if not (np.isfinite(table).all() and np.isfinite(evidence.residual).all()):
+        return None
+    if max(np.abs(table).max(initial=0.0), np.abs(evidence.residual).max()) > LARGEST:
+        return None
+    step, deviations, explained = _step(table, evidence.residual)
+    left = float(evidence.residual @ evidence.residual) - explained
+    if held:
+        own = np.zeros(unknowns)
+        step, deviations = np.concatenate((own, step)), np.concatenate((own + np.inf, deviations))
+    return _Solved(step, deviations[:unknowns], left, len(evidence.residual), deviations)
+
+
+def _after(
+    model: Model, state: tuple[Reals, Reals] | None, step: Reals, held: bool
+) -> tuple[Model, tuple[Reals, Reals] | None]:
+    if state is None:
+        return model, None
+    n = len(model.coordinates)
+    unknowns = len(step) - 2 * n
+    moved = model if held else _moved(model, step[:unknowns])
+    return moved, (state[0] + step[unknowns : unknowns + n], state[1] + step[unknowns + n :])
+
+
+def start_of(description: Description, values: dict[str, float]) -> Model:
+    """
+    Assemble a machine and give its unknowns start values.
+
+    Parameters
+    ----------
+    description : Description
+    values : dict of str to float
+        By the names of parameters [SI]; others keep those of the description.
+
+    Returns
+    -------
+    Model
+
+    """
+    model = assemble(description.machine)
+    numbers = model.values
+    for i in model.estimated:
+        name = model.parameters[i].name
+        if name in values:
+            numbers[i] = values[name]
+    return model.with_values(numbers)
+
+
+def _step(base: Reals, residual: Reals) -> tuple[Reals, Reals, float]:
+    """Solve the regression: the step, its standard deviations, what it explains."""
+    lengths = np.linalg.norm(base, axis=0)
+    lengths[lengths == 0] = 1.0
+    left, sizes, right = np.linalg.svd(base / lengths, full_matrices=False)
+    used = sizes > UNSEEN * sizes.max(initial=0.0)
+    part = left[:, used].T @ residual
+    inverse = right[used].T / sizes[used]
+    deviations = np.sqrt((inverse**2).sum(axis=1)) / lengths
+    deviations[deviations == 0] = np.inf
+    return inverse @ part / lengths, deviations, float(part @ part)
+
+
+def _moved(model: Model, step: Reals) -> Model:
+    """Go as much of a step as the machine allows."""
+    values = model.values[list(model.estimated)]
+    for _ in range(HALVINGS):
+        try:
+            moved = model.with_unknowns(values + step)
+            if np.all(moved.mass_diagonal() > 0):
+                return moved
+        except MachineError:
+            pass
+        step = step / 2
+    return model

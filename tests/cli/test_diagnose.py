@@ -1,0 +1,72 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""`simulate --hide` hides, `diagnose` finds, and what it writes is a machine like any other."""
+
+import json
+
+from identnl_ros.storage.bag_reader import open_bag
+import pytest
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory, config):
+    from click.testing import CliRunner
+    from identnl_ros.cli.commands import cli
+
+    path = tmp_path_factory.mktemp('diagnose') / 'run.mcap'
+    layout = path.with_name('layout.yaml')
+    text = (config / 'oscillator_layout.yaml').read_text('utf-8').rstrip()
+    layout.write_text(f'{text}\n    noise: 0.1 mV\n', 'utf-8')
+    made = CliRunner().invoke(cli, [
+        'simulate', '--machine', str(config / 'oscillator.yaml'), '--layout', str(layout),
+        '--duration', '4',
+        '--hide', 'coulomb_friction:spring.axis_1:5%', '--out', str(path),
+    ])  # fmt: skip
+    assert made.exit_code == 0, made.output
+    return path
+
+
+def test_hidden_effect_is_found_and_added(bag, document, tmp_path):
+    truth = json.loads(bag.with_name('run.mcap.truth.json').read_text('utf-8'))['hidden'][0]
+    found = document('diagnose', bag, '--out', tmp_path / 'report')
+    assert found['verdict'] == 'explained'
+    (finding,) = found['findings']
+    assert (finding['effect'], finding['location']) == (truth['effect'], truth['location'])
+    force = finding['parameters'][0]
+    assert force['unit'] == truth['unit'] == 'N'
+    assert force['value'] == pytest.approx(truth['size'], rel=0.02)
+    held_out = found['held_out']
+    assert held_out['after']['response_nrmse'] < 0.1 * held_out['before']['response_nrmse']
+    assert json.loads((tmp_path / 'report/diagnosis.json').read_text('utf-8')) == found
+    again = document('diagnose', bag, '--machine', tmp_path / 'report/machine.yaml')
+    assert again['verdict'] == 'complete'
+    assert again['findings'] == []
+
+
+def test_bag_does_not_tell_what_is_hidden(bag):
+    stream = open_bag(bag).streams[0]
+    assert 'friction' not in stream.machine_text + stream.layout_text
+    assert b'friction' not in bag.read_bytes()
+
+
+def test_effect_that_does_not_exist_is_said(identnl, config, tmp_path):
+    common = ('simulate', '--machine', config / 'oscillator.yaml', '--out', tmp_path / 'x.mcap')
+    for text, said in (
+        ('magic', 'no effect is called "magic"; expected one of'),
+        ('coulomb_friction:nowhere', 'cannot be at "nowhere"; expected one of spring.axis_1'),
+        ('coulomb_friction:spring.axis_1:many', 'many'),
+    ):
+        result = identnl(*common, '--hide', text)
+        assert result.exit_code == 2
+        assert said in result.stderr
+        assert not (tmp_path / 'x.mcap').exists()
+
+
+def test_record_that_is_too_short_is_said(identnl, config, tmp_path):
+    path = tmp_path / 'short.mcap'
+    identnl(
+        'simulate', '--machine', config / 'oscillator.yaml', '--duration', '0.5', '--out', path
+    )
+    result = identnl('diagnose', path)
+    assert result.exit_code == 2
+    assert 'too few for a diagnosis' in result.stderr

@@ -81,7 +81,29 @@ class Interruption:
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line as a process of its own."""
+    try:
+        run()
+    except SystemExit as ending:
+        if isinstance(ending.code, int) and ending.code > BY_SIGNAL:
+            # Everything is cleared up. The interpreter's own way out would take the exit code
+            # away where the interrupt has come through code that was started from C.
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(ending.code)
+        raise
+
+
+def run() -> None:
+    """
+    Run the command line.
+
+    Raises
+    ------
+    SystemExit
+        With the exit code.
+
+    """
     # `ros2 run` may hand over ROS arguments, which mean nothing here.
     arguments = sys.argv[1:]
     if '--ros-args' in arguments:
@@ -98,10 +120,7 @@ def main() -> None:
             raise
         print('interrupted', file=sys.stderr)
         _show_error('interrupted', arguments)
-        sys.stderr.flush()
-        # Everything is cleared up. The interpreter's own way out would take the exit code away
-        # where the interrupt has come through code that was started from C.
-        os._exit(BY_SIGNAL + (interruption.number or signal.SIGINT))
+        exit_code = BY_SIGNAL + (interruption.number or signal.SIGINT)
     sys.exit(exit_code)
 
 

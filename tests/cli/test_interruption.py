@@ -115,7 +115,7 @@ def test_interrupt_that_compiled_code_turned_into_an_error_is_one(monkeypatch, c
     monkeypatch.setattr(commands.cli, 'main', fail)
     monkeypatch.setattr(sys, 'argv', ['identnl', 'check', 'x', '--json'])
     with pytest.raises(SystemExit) as caught:
-        main.main()
+        main.run()
     assert caught.value.code == 130
     captured = capsys.readouterr()
     assert captured.err == 'interrupted\n'

@@ -17,7 +17,7 @@ PATIENCE = 5.0  # [s] for which more signals do not disturb the clearing up afte
 # Called from C, which does not expect an exception that a signal throws in: the process would
 # crash, or end by the signal once everything is cleared up.
 UNSAFE = ('numba', 'llvmlite')
-POSTPONED = 0.01  # [s]
+REPEATED = 0.2  # [s]
 
 
 class Interruption:
@@ -48,12 +48,11 @@ class Interruption:
         for number in before:
             signal.signal(number, self._note)
         signal.signal(signal.SIGALRM, self._interrupt)
-        sys.unraisablehook = self._repeat
         try:
             yield
         finally:
-            sys.unraisablehook = sys.__unraisablehook__
             signal.setitimer(signal.ITIMER_REAL, 0)
+            sys.settrace(None)
             for number, handler in before.items():
                 signal.signal(number, handler)
 
@@ -64,20 +63,38 @@ class Interruption:
         self.number, self._since = number, now
         self._interrupt(number, frame)
 
-    def _repeat(self, ignored: 'sys.UnraisableHookArgs') -> None:
-        """Interrupt once more: the last time it was where Python throws exceptions away."""
-        if self.number and isinstance(ignored.exc_value, KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, POSTPONED)
-        else:
-            sys.__unraisablehook__(ignored)
-
     def _interrupt(self, _number: int, frame: FrameType | None) -> None:
-        while frame is not None:
-            if frame.f_globals.get('__name__', '').partition('.')[0] in UNSAFE:
-                signal.setitimer(signal.ITIMER_REAL, POSTPONED)
-                return
-            frame = frame.f_back
+        # Some code throws exceptions away, e.g. when it is called while an object is deleted:
+        # once more, then, until one is being handled.
+        signal.setitimer(signal.ITIMER_REAL, REPEATED)
+        if _is_interrupt(sys.exception()):
+            return
+        caller = _caller_of_unsafe(frame)
+        if caller is None:
+            raise KeyboardInterrupt
+        # Compiled code asks Python for something at nearly every call, and signals wait for that:
+        # the interrupt has to come on the way back, at the next line of who called.
+        caller.f_trace = self._at_line
+        sys.settrace(_not_traced)
+
+    def _at_line(self, frame: FrameType, _event: str, _argument: object) -> None:
+        sys.settrace(None)
+        frame.f_trace = None
         raise KeyboardInterrupt
+
+
+def _caller_of_unsafe(frame: FrameType | None) -> FrameType | None:
+    """Find the innermost frame that no unsafe one is below; None: there is no unsafe one."""
+    caller = None
+    while frame is not None:
+        if frame.f_globals.get('__name__', '').partition('.')[0] in UNSAFE:
+            caller = frame.f_back
+        frame = frame.f_back
+    return caller
+
+
+def _not_traced(_frame: FrameType, _event: str, _argument: object) -> None:
+    return None
 
 
 def main() -> None:

@@ -67,6 +67,7 @@ def test_interrupted_simulation_leaves_nothing(begin, config, tmp_path, number, 
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.filterwarnings('ignore::pytest.PytestUnraisableExceptionWarning')
 def test_interrupt_that_python_throws_away_comes_again():
     class Ending:
         def __del__(self):

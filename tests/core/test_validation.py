@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.algebra.covariance_root import covariance_root
 from identnl_ros.core.algebra.quadratic_form import tail_probability
 from identnl_ros.core.errors import DataError, MachineError
 from identnl_ros.core.measurement.layout import Layout, SensorKind
@@ -12,7 +13,7 @@ from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.simulation.excitation import multisine
 from identnl_ros.core.simulation.stand import SimulatedStand
 from identnl_ros.core.validation.agreement import Agreement, STATED_DEGREES
-from identnl_ros.core.validation.validation import covariance_root, Validation
+from identnl_ros.core.validation.validation import Validation
 import numpy as np
 import pytest
 from scipy import stats

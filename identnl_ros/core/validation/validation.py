@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from identnl_ros.core.algebra.covariance_root import covariance_root
 from identnl_ros.core.errors import DataError, MachineError
 from identnl_ros.core.likelihood.likelihood_point import (
     LikelihoodSettings,
@@ -43,6 +44,7 @@ from identnl_ros.core.validation.agreement import (
     StreamComparison,
 )
 from identnl_ros.core.validation.residual_sums import ResidualSums, SCALES
+from identnl_ros.core.validation.spread import Spread
 import numpy as np
 from numpy.typing import NDArray
 
@@ -162,7 +164,7 @@ class Validation:
         self._perfect = np.zeros(channels, dtype=np.bool_)
         self._limit = NOISY_STEP_LIMIT
         self._fast = NoiseEstimate(channels)
-        self._signal = _Spread(channels)
+        self._signal = Spread(channels)
         self._generator = np.random.default_rng(0)
         self._trace_samples = trace_samples
         self._runs = self._samples = 0
@@ -453,31 +455,6 @@ class Validation:
         return tuple(result)
 
 
-def covariance_root(covariance: Reals) -> Reals:
-    """
-    Write a covariance as a product of a table with its transpose.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, n)
-        Rows and columns with NaN on the diagonal count as zero.
-
-    Returns
-    -------
-    ndarray, shape (n, n_independent)
-
-    """
-    deviation = np.sqrt(np.maximum(np.nan_to_num(np.diag(covariance)), 0.0))
-    known = deviation > 0
-    scale = deviation[known]
-    squares, shapes = np.linalg.eigh(
-        np.nan_to_num(covariance[np.ix_(known, known)]) / np.outer(scale, scale)
-    )
-    root = np.zeros((len(deviation), int(known.sum())))
-    root[known] = scale[:, np.newaxis] * shapes * np.sqrt(np.maximum(squares, 0.0))
-    return root
-
-
 def _following(products: Reals, own: int) -> Reals:
     """
     Let the initial state follow whatever else changes, to the least residual.
@@ -506,26 +483,3 @@ def _noise_of_force(layout: Layout, found: Reals | None = None) -> Reals | None:
         ])  # fmt: skip
     noise = np.where(cells, found, 0.0)
     return None if np.all(noise == 0) else np.nan_to_num(noise)
-
-
-class _Spread:
-    """Running mean and spread of channels."""
-
-    def __init__(self, channels: int) -> None:
-        self._count = np.zeros(channels)
-        self._mean = np.zeros(channels)
-        self._squares = np.zeros(channels)
-
-    def add(self, samples: Reals, valid: NDArray[np.bool_]) -> None:
-        count = valid.sum(axis=0)
-        mean = np.where(valid, samples, 0.0).sum(axis=0) / np.maximum(count, 1)
-        squares = (np.where(valid, samples - mean, 0.0) ** 2).sum(axis=0)
-        total = np.maximum(self._count + count, 1)
-        apart = mean - self._mean
-        self._squares += squares + apart**2 * self._count * count / total
-        self._mean += apart * count / total
-        self._count = self._count + count
-
-    @property
-    def deviation(self) -> Reals:
-        return np.asarray(np.sqrt(self._squares / np.maximum(self._count, 1)))

@@ -9,14 +9,13 @@ still move by more than their errors; from then on every part of the stream is u
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 
 from identnl_ros.core.algebra.information import Information
 from identnl_ros.core.errors import IdentnlError, MachineError
 from identnl_ros.core.estimation.force_noise import force_noise_effect, ForceNoise
 from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
 from identnl_ros.core.measurement.motion_record import MotionRecord
-from identnl_ros.core.measurement.motion_weights import MotionWeights, noise_covariance
+from identnl_ros.core.measurement.motion_weights import noise_covariance
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.weak.chunk_fit import (
     CONCESSIONS,
@@ -31,13 +30,12 @@ from identnl_ros.core.weak.response_search import (
     Search,
     search,
     search_by_lengths,
-    State,
     statistics_for,
     WeighedRecord,
 )
+from identnl_ros.core.weak.run import Noise, Run
 from identnl_ros.core.weak.weak_start import weak_form_start
 from identnl_ros.core.weak.weak_state import WeakState
-from identnl_ros.core.weak.weighting_function import bandwidth, weighting_function_for
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,123 +70,6 @@ NEGLIGIBLE = 1e-8
 WORTH_A_LAST_PASS = 0.3
 # Samples on which the effect of force noise is studied at most.
 LONGEST_FORCE_STUDY = 2**13
-# A record shorter than this many test functions tells little more than its initial state.
-SHORTEST_RECORD = 2
-
-
-@dataclass(frozen=True)
-class Noise:
-    """
-    What is stated of the noise of measured motion.
-
-    Parameters
-    ----------
-    covariances : tuple of 3 ndarray, shape (n, n)
-        Of displacement, velocity, acceleration at one sample; NaN: to be estimated.
-    force : ndarray, shape (n_excitations, n_excitations)
-        Covariance of the force at one sample; NaN: to be estimated.
-    derived : tuple of 3 bool
-        Differentiated, at least partly, rather than measured.
-
-    """
-
-    covariances: tuple[Reals, Reals, Reals]
-    force: Reals
-    derived: tuple[bool, bool, bool]
-
-    def weigh(self, record: MotionRecord) -> WeighedRecord:
-        """
-        Find weights and test function of a record.
-
-        Parameters
-        ----------
-        record : MotionRecord
-
-        Returns
-        -------
-        WeighedRecord
-
-        """
-        weights = MotionWeights.of(record, self.covariances, self.derived)
-        white = record.bridged().displacement @ weights.matrices[0][1].T
-        frequency = bandwidth(white, record.sample_rate, 0)
-        function = weighting_function_for(frequency, record.sample_rate)
-        return WeighedRecord(record, weights, function)
-
-
-@dataclass
-class _Run:
-    """
-    An uninterrupted record on its way through the recursion.
-
-    Parameters
-    ----------
-    record : MotionRecord
-    noise : Noise
-    weighed : WeighedRecord or None
-        Its weights and test function, once there is enough of it to find them.
-    state : tuple of ndarray or None
-        Estimated state at the first sample that is used.
-    fit : ResponseFit or None
-        While the run grows.
-    position : int
-        Samples used.
-    waiting : list of MotionRecord
-        What follows the record, less than a chunk.
-
-    """
-
-    record: MotionRecord
-    noise: Noise
-    weighed: WeighedRecord | None = None
-    state: State | None = None
-    fit: ResponseFit | None = None
-    position: int = 0
-    waiting: list[MotionRecord] = field(default_factory=list)
-
-    def join(self) -> None:
-        """Make what waits part of the record."""
-        if self.waiting:
-            self.record = self.record.followed_by(*self.waiting)
-            self.waiting = []
-
-    @property
-    def whole(self) -> WeighedRecord:
-        """The whole record, weighed as its beginning was."""
-        if self.weighed is None:
-            raise AssertionError('a record that has not been weighed')
-        return replace(self.weighed, record=self.record)
-
-    def weigh(self, anew: bool) -> bool:
-        """Find the weights; False where the record tells little more than its initial state."""
-        if not self.position and len(self.record):
-            # Without a valid reading there is nothing to begin with.
-            begin = int(np.argmax(self.record.valid))
-            self.record = self.record.part(begin, len(self.record))
-        if np.count_nonzero(self.record.valid) < 4 * FORCE_MARGIN:
-            return False
-        if anew or self.weighed is None:
-            self.weighed = self.noise.weigh(self.record)
-            self.state = None
-        length = 2 * self.weighed.function.half_length
-        if self.whole.end - self.whole.first < SHORTEST_RECORD * length:
-            self.weighed = None
-            return False
-        if self.state is None:
-            self.state = self.whole.initial_state()
-        return True
-
-    def skip_rest(self) -> None:
-        """Leave out chunks before the machine begins to move: they tell nothing."""
-        begin = 0
-        length = CHUNK + self.whole.first + FORCE_MARGIN
-        while begin + CHUNK + length < len(self.record):
-            part = self.record.part(begin, begin + length)
-            if replace(self.whole, record=part).moves:
-                break
-            begin += CHUNK
-        if begin:
-            self.record, self.state = self.record.part(begin, len(self.record)), None
 
 
 class Recursion:
@@ -228,8 +109,8 @@ class Recursion:
         self.force_noise = ForceNoise.none(len(self.model.estimated))
         self.weighed: WeighedRecord | None = None
         # Complete runs, until there are too many samples to keep, and the one that still grows.
-        self._kept: list[_Run] | None = []
-        self._run: _Run | None = None
+        self._kept: list[Run] | None = []
+        self._run: Run | None = None
         self._next_start = FIRST_START
         self._gone_over = 0
         self._reference = self.values
@@ -266,7 +147,7 @@ class Recursion:
         first = 0
         while first < len(record):
             if self._run is None:
-                self._run = _Run(record.part(0, 0), noise)
+                self._run = Run(record.part(0, 0), noise)
             waiting = sum(map(len, self._run.waiting))
             end = min(first + CHUNK - waiting, len(record))
             self._run.waiting.append(record.part(first, end))
@@ -363,7 +244,7 @@ class Recursion:
         except (IdentnlError, np.linalg.LinAlgError) as error:
             self.failure = f'no values were found from which a simulation could go on ({error})'
 
-    def _take(self, found: Search, runs: Sequence[_Run]) -> None:
+    def _take(self, found: Search, runs: Sequence[Run]) -> None:
         """Go on from where a search has come to."""
         self.failure = found.reason
         self.started = found.converged
@@ -388,7 +269,7 @@ class Recursion:
         if self.started:
             self._weigh_force_noise(max(runs, key=lambda run: len(run.record)))
 
-    def _weigh_force_noise(self, run: _Run) -> None:
+    def _weigh_force_noise(self, run: Run) -> None:
         """Find what noise of the measured force adds to the errors."""
         whole = run.whole
         if run.state is None:
@@ -430,7 +311,7 @@ class Recursion:
         run.position = end
         return True
 
-    def _use(self, run: _Run, fit: ResponseFit, end: int) -> None:
+    def _use(self, run: Run, fit: ResponseFit, end: int) -> None:
         """Learn from samples up to an end."""
         if self._memory is None:
             deviation = fit.advance(run.record, run.position, end)
@@ -494,12 +375,12 @@ class Recursion:
         self.statistics.discount(share)
         self._states_fitted *= share
 
-    def _give_up(self, run: _Run, end: int, reason: str) -> None:
+    def _give_up(self, run: Run, end: int, reason: str) -> None:
         """Start anew behind samples that cannot be simulated with the present values."""
         self._begin(reason)
-        self._run = _Run(run.record.part(end, len(run.record)), run.noise)
+        self._run = Run(run.record.part(end, len(run.record)), run.noise)
 
-    def _enter(self, run: _Run) -> None:
+    def _enter(self, run: Run) -> None:
         """Begin to simulate a run at the present values."""
         self.weighed = run.whole
         if not self.statistics.channels:
@@ -604,6 +485,6 @@ class Recursion:
         return int(np.clip(wanted, 2 * FIRST_START, KEPT))
 
     @property
-    def _runs(self) -> list[_Run]:
+    def _runs(self) -> list[Run]:
         """All runs that are kept, the open one last."""
         return [*(self._kept or []), *([] if self._run is None else [self._run])]

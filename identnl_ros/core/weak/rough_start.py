@@ -6,12 +6,10 @@ from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.measurement.motion_record import records_of
-from identnl_ros.core.measurement.motion_weights import MotionWeights
 from identnl_ros.core.measurement.transform import MotionTransform
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.weak.weak_identifier import noise_of
 from identnl_ros.core.weak.weak_start import weak_form_start
-from identnl_ros.core.weak.weighting_function import bandwidth, weighting_function_for
 import numpy as np
 
 
@@ -46,9 +44,5 @@ def rough_start(model: Model, record: MeasuredRecord) -> Model:
         raise DataError('the record is too short to start from')
     directions = model.excitation_directions
     motion = max(records_of(block, directions), key=len)
-    noise = noise_of(block, directions)
-    weights = MotionWeights.of(motion, noise.covariances, noise.derived)
-    white = motion.bridged().displacement @ weights.matrices[0][1].T
-    frequency = bandwidth(white, record.sample_rate, 0)
-    function = weighting_function_for(frequency, record.sample_rate)
-    return weak_form_start(model, [motion], weights, function)
+    weighed = noise_of(block, directions).weigh(motion)
+    return weak_form_start(model, [motion], weighed.weights, weighed.function)

@@ -19,7 +19,8 @@ from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.measurement.motion_record import records_of
 from identnl_ros.core.measurement.motion_weights import PERFECT
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.weak.recursion import Noise, Recursion
+from identnl_ros.core.weak.recursion import Recursion
+from identnl_ros.core.weak.run import Noise
 from identnl_ros.core.weak.weak_state import WeakState
 import numpy as np
 from numpy.typing import NDArray

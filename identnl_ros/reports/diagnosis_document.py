@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A diagnosis as a JSON document and in sentences."""
 
+from math import isfinite
 from typing import Any
 
 from identnl_ros.core.discrepancy.checked_diagnosis import CheckedDiagnosis
 from identnl_ros.core.discrepancy.diagnosis import NamedEffect, Verdict
 from identnl_ros.core.discrepancy.effect import Hypothesis
 from identnl_ros.reports.paper_units import readable_unit
-
-SIGNIFICANT = 3
 
 
 def diagnosis_document(result: CheckedDiagnosis) -> dict[str, Any]:
@@ -144,8 +143,13 @@ def _finding(named: NamedEffect) -> dict[str, Any]:
                 'standard_deviation': named.deviation,
             },
             *(
-                {'name': name, 'unit': '', 'value': value, 'standard_deviation': None}
-                for name, value in hypothesis.inner.items()
+                {
+                    'name': one.name,
+                    'unit': one.unit,
+                    'value': one.value,
+                    'standard_deviation': one.deviation if isfinite(one.deviation) else None,
+                }
+                for one in named.inner
             ),
         ],
         'p_value': named.finding.probability,

@@ -35,6 +35,12 @@ def test_hidden_effect_is_found_and_added(bag, document, tmp_path):
     force = finding['parameters'][0]
     assert force['unit'] == truth['unit'] == 'N'
     assert force['value'] == pytest.approx(truth['size'], rel=0.02)
+    transition = finding['parameters'][1]
+    assert (transition['name'], transition['unit']) == ('transition_velocity', 'm/s')
+    error = transition['value'] - truth['inner']['transition_velocity']
+    assert (
+        abs(error) < 4 * transition['standard_deviation'] < truth['inner']['transition_velocity']
+    )
     held_out = found['held_out']
     assert held_out['after']['response_nrmse'] < 0.1 * held_out['before']['response_nrmse']
     assert json.loads((tmp_path / 'report/diagnosis.json').read_text('utf-8')) == found

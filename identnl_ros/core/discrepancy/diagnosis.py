@@ -53,17 +53,41 @@ class NamedEffect:
         As it was chosen.
     size, deviation : float
         After everything was fitted anew [SI].
+    inner : tuple of InnerValue
+        Its inner parameters.
 
     """
 
     finding: Finding
     size: float
     deviation: float
+    inner: tuple['InnerValue', ...] = ()
 
     @property
     def hypothesis(self) -> Hypothesis:
         """Effect, place and inner parameters."""
         return self.finding.hypothesis
+
+
+@dataclass(frozen=True)
+class InnerValue:
+    """
+    An inner parameter of an effect that was named.
+
+    Parameters
+    ----------
+    name, unit : str
+    value : float
+        [SI].
+    deviation : float
+        NaN: it was not fitted, only the best of those tried.
+
+    """
+
+    name: str
+    unit: str
+    value: float
+    deviation: float
 
 
 @dataclass(frozen=True)
@@ -227,11 +251,28 @@ def _final(finding: Finding, before: SettledModel, after: SettledModel) -> Named
     for i, index in enumerate(after.model.estimated):
         parameter = after.model.parameters[index]
         if parameter.name.startswith(added):
-            return NamedEffect(finding, parameter.value, float(after.deviations[i]))
+            inner = _inner(finding.hypothesis, after)
+            return NamedEffect(finding, parameter.value, float(after.deviations[i]), inner)
         if parameter.name == changed and changed not in known:
             size = parameter.value - _described(before, changed, given)
             return NamedEffect(finding, size, float(after.deviations[i]))
     return NamedEffect(finding, finding.size, finding.deviation)
+
+
+def _inner(hypothesis: Hypothesis, after: SettledModel) -> tuple[InnerValue, ...]:
+    """Read inner parameters off the last fit, as far as it fitted them."""
+    effect, place = hypothesis.effect, hypothesis.place
+    prefix = effect.part_name(place)
+    fitted = {
+        after.model.parameters[index].name: (after.model.parameters[index].value, deviation)
+        for index, deviation in zip(after.model.estimated, after.deviations, strict=True)
+    }
+    result = []
+    for name, tried in hypothesis.inner.items():
+        value, deviation = fitted.get(f'{prefix}.{name}', (tried, float('nan')))
+        unit = effect.inner_unit(name, place)
+        result.append(InnerValue(name, unit, float(value), float(deviation)))
+    return tuple(result)
 
 
 def _described(before: SettledModel, name: str, given: dict[str, float]) -> float:

@@ -159,6 +159,22 @@ class Effect(ABC):
         """
         return ({},)
 
+    def inner_unit(self, name: str, place: Place) -> str:
+        """
+        Give the SI unit of an inner parameter.
+
+        Parameters
+        ----------
+        name : str
+        place : Place
+
+        Returns
+        -------
+        str
+
+        """
+        raise KeyError(name)
+
     @abstractmethod
     def applied(
         self, description: Description, place: Place, inner: Mapping[str, float], size: float

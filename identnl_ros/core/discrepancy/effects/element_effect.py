@@ -9,7 +9,7 @@ from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Place, Scale
 from identnl_ros.core.discrepancy.effects.joint_element import JointElement
 from identnl_ros.core.mechanics.coefficients import Coefficient
-from identnl_ros.core.mechanics.elements import Element
+from identnl_ros.core.mechanics.elements import Element, ELEMENT_KINDS
 from identnl_ros.core.mechanics.joints import Joint
 
 # By inner parameter: ``deformation`` or ``rate``, and the share of its largest value.
@@ -42,6 +42,11 @@ class ElementEffect(JointElement):
             name, host.body, host.other_body, host.point, host.axes, self.name, place.axis,
             coefficient, numbers,
         )  # fmt: skip
+
+    def inner_unit(self, name: str, place: Place) -> str:
+        """Give the SI unit of a number inside the law."""
+        numbers = ELEMENT_KINDS[self.name].inner
+        return next(one for one in numbers if one.key == name).units[place.axis > 3]
 
     def fractions(self) -> Shares:
         """

@@ -34,6 +34,7 @@ from identnl_ros.core.weak.weighting_function import bandwidth, weighting_functi
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
+from scipy.interpolate import make_interp_spline
 
 Reals = NDArray[np.float64]
 
@@ -94,7 +95,6 @@ class Comparison:
         self.description = description
         self.model = model
         self.rate = record.sample_rate
-        self._layout = record.layout
         prediction = SensorPrediction(model, record.layout, record.sample_rate)
         self.sensors = [record.layout.sensors[i] for i in prediction.channels]
         self._prepared = prepared = prepare(model, record, prediction)
@@ -380,8 +380,6 @@ def _aligned(prepared: PreparedRecord) -> Reals:
         return prepared.measured
     measured = prepared.measured.copy()
     time = np.arange(len(measured), dtype=np.float64)
-    from scipy.interpolate import make_interp_spline
-
     for i in np.flatnonzero(delays):
         measured[:, i] = make_interp_spline(time, prepared.measured[:, i], 5)(
             np.clip(time + delays[i], 0, len(time) - 1)

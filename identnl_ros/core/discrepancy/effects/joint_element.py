@@ -11,6 +11,7 @@ from identnl_ros.core.discrepancy.effect import AddedPart, Place
 from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.joints import Joint, SpringDamper
 from identnl_ros.core.mechanics.slideway import Slideway
+import numpy as np
 
 SLIDEWAY_AXES = {
     1: 'normal direction',
@@ -70,11 +71,24 @@ def joint_places(description: Description) -> tuple[Place, ...]:
     tuple of Place
 
     """
-    return tuple(
-        Place(joint.name, axis, words=words_for(joint, axis))
-        for joint in description.machine.joints
-        if '_at_' not in joint.name
-        for axis in joint_axes(joint)
+    places: list[Place] = []
+    seen: list[Joint] = []
+    for joint in description.machine.joints:
+        # One more element on another joint's place is no place of its own.
+        if any(_same_place(joint, other) for other in seen):
+            continue
+        seen.append(joint)
+        places += [
+            Place(joint.name, axis, words=words_for(joint, axis)) for axis in joint_axes(joint)
+        ]
+    return tuple(places)
+
+
+def _same_place(joint: Joint, other: Joint) -> bool:
+    return (
+        (joint.body, joint.other_body) == (other.body, other.other_body)
+        and np.allclose(joint.point, other.point)
+        and np.allclose(joint.axes, other.axes)
     )
 
 

@@ -18,6 +18,7 @@ from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.joints import Joint
 from identnl_ros.core.mechanics.machine import ConstantForce
+from identnl_ros.core.mechanics.model import Model
 import numpy as np
 from numpy.typing import NDArray
 
@@ -305,6 +306,60 @@ class ChangedMachine(Effect):
         float
 
         """
+
+
+class AddedForce(Effect):
+    """An effect whose force along a motion is a series of numbers times a fixed direction."""
+
+    @abstractmethod
+    def force(
+        self, course: 'Course', place: Place, inner: Mapping[str, float]
+    ) -> tuple[Reals, Reals]:
+        """
+        Give the generalised force that it adds, per unit of its size.
+
+        Parameters
+        ----------
+        course : Course
+        place : Place
+        inner : mapping of str to float
+
+        Returns
+        -------
+        series : ndarray, shape (n_samples,)
+        direction : ndarray, shape (n_coordinates,)
+            The force on the right-hand side of the equations of motion is ``series`` times
+            ``direction`` [N, N m per unit].
+
+        """
+
+
+@dataclass(frozen=True)
+class Course:
+    """
+    Everything that is known along a record, for effects of `AddedForce`.
+
+    Parameters
+    ----------
+    description : Description
+    model : Model
+        Assembled from its machine, with the values that fit best.
+    time : ndarray, shape (n_samples,)
+        Since the begin of the run [s], equally spaced.
+    displacement, velocity, acceleration : ndarray, shape (n_samples, n_coordinates)
+        The nominal motion.
+    force : ndarray, shape (n_samples, n_excitations)
+        As measured [N].
+
+    """
+
+    description: Description
+    model: Model
+    time: Reals
+    displacement: Reals
+    velocity: Reals
+    acceleration: Reals
+    force: Reals
 
 
 class SensorFault(Effect):

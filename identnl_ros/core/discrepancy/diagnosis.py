@@ -14,10 +14,16 @@ from enum import Enum
 
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Effect, Hypothesis
+from identnl_ros.core.discrepancy.evidence import Evidence
 from identnl_ros.core.discrepancy.library import EFFECTS, hypotheses_about
 from identnl_ros.core.discrepancy.rereading import reread
 from identnl_ros.core.discrepancy.selection import Finding, SAME, Selection
-from identnl_ros.core.discrepancy.settled_model import settled, SettledModel, start_of
+from identnl_ros.core.discrepancy.settled_model import (
+    settled,
+    SettledModel,
+    start_of,
+    with_noise_anew,
+)
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.model import Model
@@ -159,7 +165,7 @@ def diagnose(
         hypotheses = hypotheses_about(
             present.description, comparison.scale, comparison.residual_ratios(), effects
         )
-        selection = Selection(comparison.evidence(hypotheses), generator)
+        selection = Selection(Evidence(comparison), hypotheses, generator)
         null = selection.null_maxima()
         if not detectable:
             detectable = _detectable(selection, float(np.quantile(null, 0.99)))
@@ -167,9 +173,7 @@ def diagnose(
         if chosen is None:
             break
         finding, after = chosen
-        present = settled(
-            after.description, after.model, reread(record, after.description.layout), after.state
-        )
+        present = with_noise_anew(after, reread(record, after.description.layout))
         named.append(finding)
     return _judged(before, present, named, detectable)
 

@@ -4,8 +4,8 @@
 
 from dataclasses import dataclass
 
+from identnl_ros.core.discrepancy.comparison import Comparison
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.evidence import Comparison
 from identnl_ros.core.discrepancy.settled_model import settled
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
@@ -66,7 +66,7 @@ def held_out_error(description: Description, model: Model, record: MeasuredRecor
         If the motion grows without bound.
 
     """
-    fitted = settled(description, model, record, held=True)
+    fitted = settled(description, model, record, held=True, passes=3)
     comparison = Comparison(description, model, record, fitted.state)
     if comparison.failed:
         raise MachineError(f'machine {model.machine.name}: the simulation does not stay bounded')

@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Effect, Hypothesis, Scale, SensorFault
+from identnl_ros.core.discrepancy.effect import Course, Effect, Hypothesis, Scale, SensorFault
 from identnl_ros.core.discrepancy.features import Features
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.mechanics.assembly import assemble
@@ -137,10 +137,12 @@ def relative_size(
     effect, place = hypothesis.effect, hypothesis.place
     variants = effect.variants(description, place, Scale(deformation, rate))
     chosen = Hypothesis(effect, place, variants[len(variants) // 2])
-    features = Features(description, model, [chosen])
-    forces = features.along(displacement, velocity, acceleration)[:, :, 0]
-    time = np.arange(count) / sample_rate
-    driven = np.column_stack([one.on_grid(0.0, 1 / sample_rate, len(time)) for one in signals])
+    driven = np.column_stack([one.on_grid(0.0, interval, count) for one in signals])
+    course = Course(
+        description, model, np.arange(float(count)) * interval, displacement, velocity,
+        acceleration, driven,
+    )  # fmt: skip
+    forces = Features(course, [chosen]).forces([0], 0, count)[:, :, 0]
     masses = model.mass_diagonal()
     strength = float(np.sqrt(np.mean((forces - forces.mean(axis=0)) ** 2 / masses)))
     whole = float(np.sqrt(np.mean((driven @ model.excitation_directions) ** 2 / masses)))

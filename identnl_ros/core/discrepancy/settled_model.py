@@ -4,8 +4,9 @@
 
 from dataclasses import dataclass
 
+from identnl_ros.core.discrepancy.comparison import Comparison
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.evidence import Comparison
+from identnl_ros.core.discrepancy.evidence import Evidence, real_rows
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
@@ -17,8 +18,11 @@ Reals = NDArray[np.float64]
 
 PASSES = 6
 HALVINGS = 6
-# The last step may be this many standard errors (root mean square).
-SMALL_STEP = 0.05
+# The last step may be this many standard errors (root mean square): convergence is quadratic, the
+# error that is left after it is far smaller.
+SMALL_STEP = 0.3
+# Relative change of a noise that is no change.
+SAME_NOISE = 0.01
 # Directions of the unknowns that the data see less than this, relatively, are left alone.
 UNSEEN = 1e-9
 # Times that what is left may grow in a step, beyond which the step is too long.
@@ -142,13 +146,32 @@ def settled(
         if np.sqrt(np.mean(change**2)) < SMALL_STEP:
             break
     assert best is not None
-    return best if fixed else _with_noise_anew(best, record, held)
+    return best if fixed else with_noise_anew(best, record, held)
 
 
-def _with_noise_anew(settled: SettledModel, record: MeasuredRecord, held: bool) -> SettledModel:
-    """Read the noise off what is left in the end, and judge by that."""
-    comparison = Comparison(settled.description, settled.model, record, settled.state)
-    solved = None if comparison.failed else _solved(comparison, held)
+def with_noise_anew(
+    settled: SettledModel, record: MeasuredRecord, held: bool = False
+) -> SettledModel:
+    """
+    Read the noise off what is left in the end, and judge by that.
+
+    Parameters
+    ----------
+    settled : SettledModel
+    record : MeasuredRecord
+    held : bool
+        Only the initial state was fitted.
+
+    Returns
+    -------
+    SettledModel
+
+    """
+    noise = settled.comparison.noise()
+    if np.allclose(noise, settled.comparison.deviation, rtol=SAME_NOISE):
+        return settled
+    comparison = Comparison(settled.description, settled.model, record, settled.state, noise)
+    solved = _solved(comparison, held)
     if solved is None:
         return settled
     freedom = solved.rows - len(solved.step)
@@ -171,20 +194,23 @@ class _Solved:
 
 def _solved(comparison: Comparison, held: bool) -> _Solved | None:
     """Solve the regression; None where the linearised motion grows without bound."""
+    if comparison.failed:
+        return None
     with np.errstate(over='ignore', invalid='ignore'):
-        evidence = comparison.evidence(())
+        evidence = Evidence(comparison)
     unknowns = len(comparison.model.estimated)
-    table = evidence.base[:, unknowns:] if held else evidence.base
-    if not (np.isfinite(table).all() and np.isfinite(evidence.residual).all()):
+    table = real_rows(evidence.base[unknowns:] if held else evidence.base)
+    motion = evidence.channels.count
+    residual = real_rows(evidence.residual[None, :motion])[0]
+    largest = max(np.abs(table).max(initial=0.0), np.abs(residual).max())
+    if not largest < LARGEST:
         return None
-    if max(np.abs(table).max(initial=0.0), np.abs(evidence.residual).max()) > LARGEST:
-        return None
-    step, deviations, explained = _step(table, evidence.residual)
-    left = float(evidence.residual @ evidence.residual) - explained
+    step, deviations, explained = _step(table.T, residual)
+    left = float(np.sum(np.abs(evidence.residual) ** 2)) - explained
     if held:
         own = np.zeros(unknowns)
         step, deviations = np.concatenate((own, step)), np.concatenate((own + np.inf, deviations))
-    return _Solved(step, deviations[:unknowns], left, len(evidence.residual), deviations)
+    return _Solved(step, deviations[:unknowns], left, evidence.rows, deviations)
 
 
 def _after(
@@ -226,9 +252,10 @@ def _step(base: Reals, residual: Reals) -> tuple[Reals, Reals, float]:
     """Solve the regression: the step, its standard deviations, what it explains."""
     lengths = np.linalg.norm(base, axis=0)
     lengths[lengths == 0] = 1.0
-    left, sizes, right = np.linalg.svd(base / lengths, full_matrices=False)
+    basis, triangle = np.linalg.qr(base / lengths)
+    left, sizes, right = np.linalg.svd(triangle)
     used = sizes > UNSEEN * sizes.max(initial=0.0)
-    part = left[:, used].T @ residual
+    part = left[:, used].T @ (basis.T @ residual)
     inverse = right[used].T / sizes[used]
     deviations = np.sqrt((inverse**2).sum(axis=1)) / lengths
     deviations[deviations == 0] = np.inf

@@ -67,7 +67,7 @@ class ForceDerivatives:
         derivatives = np.zeros((*displacement.shape, len(column)))
         if hidden is None and model.hidden_columns:
             hidden = hidden_motion(model, displacement, velocity)
-        for index, lines in self._on_lines(displacement, velocity, hidden, column).items():
+        for index, lines in self.along_lines(displacement, velocity, hidden).items():
             derivatives[:, :, index] = (
                 np.column_stack(list(lines.values())) @ model.lines[list(lines)]
             )
@@ -79,11 +79,27 @@ class ForceDerivatives:
                 derivatives[:, :, column[load.parameter]] -= load.vector
         return derivatives
 
-    def _on_lines(
-        self, displacement: Reals, velocity: Reals, hidden: Reals | None, column: dict[int, int]
+    def along_lines(
+        self, displacement: Reals, velocity: Reals, hidden: Reals | None
     ) -> dict[int, dict[int, Reals]]:
-        """Differentiate the forces along the lines: by column, then line."""
+        """
+        Differentiate the forces of the joints along the lines on which they act.
+
+        Parameters
+        ----------
+        displacement, velocity : ndarray, shape (n_states, n_coordinates)
+        hidden : ndarray, shape (n_states, n_hidden), or None
+            Hysteretic states; None where there are none.
+
+        Returns
+        -------
+        dict of int to dict of int to ndarray, shape (n_states,)
+            By unknown (its place among `Model.estimated`), then by row of `Model.lines`
+            [N or N m, per unit of the unknown].
+
+        """
         model = self.model
+        column = {parameter: i for i, parameter in enumerate(model.estimated)}
         deformation = model.lines @ displacement.T
         rate = model.lines @ velocity.T
         found: dict[int, dict[int, Reals]] = {}

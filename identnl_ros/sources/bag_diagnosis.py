@@ -83,7 +83,7 @@ def diagnose_bag(
             f'diagnosis, expected at least {SHORTEST}'
         )
     description = Description(machine, record.layout)
-    diagnosis = diagnose(description, _start(machine, record), record, seed, progress=progress)
+    diagnosis = diagnose(description, start_values(machine, record), record, seed, progress=progress)
     progress('simulating held-out data')
     before = held_out_error(description, diagnosis.before.model, held_out)
     after = before
@@ -124,8 +124,20 @@ def _require_same(layout: Layout, other: Layout, where: Path) -> None:
         )
 
 
-def _start(machine: Machine, record: MeasuredRecord) -> Model:
-    """Take start values from the data where possible, else from the machine file."""
+def start_values(machine: Machine, record: MeasuredRecord) -> Model:
+    """
+    Take start values from the data where possible, else from the machine file.
+
+    Parameters
+    ----------
+    machine : Machine
+    record : MeasuredRecord
+
+    Returns
+    -------
+    Model
+
+    """
     model = assemble(machine)
     known = bool(np.isfinite(model.values).all())
     elements = any(isinstance(joint, Element) for joint in machine.joints)

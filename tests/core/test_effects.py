@@ -128,6 +128,19 @@ def test_machine_with_an_oscillator_moves_as_a_chain_of_two_masses(description):
     )
 
 
+@pytest.mark.parametrize('axis', [1, 2, 3])
+def test_frequency_is_read_off_mass_and_stiffness(description, axis):
+    effect, place = BY_NAME['hidden_oscillator'], Place('table', axis)
+    tried = {'frequency': 90.0, 'damping_ratio': 0.03}
+    model = assemble(effect.applied(description, place, tried, 1.5).machine)
+    values = {one.name: one.value for one in model.parameters}
+    assert effect.fitted_inner(place, tried, values) == pytest.approx(tried)
+    halved = {name: value / (1 + name.endswith('.mass')) for name, value in values.items()}
+    found = effect.fitted_inner(place, tried, halved)
+    assert found['frequency'] == pytest.approx(90 * np.sqrt(2))
+    assert found['damping_ratio'] == pytest.approx(0.03 * np.sqrt(2))
+
+
 def test_weight_of_an_oscillator_is_in_its_reaction(description):
     gravity = np.array([0.0, 0.0, -9.81])
     description = replace(description, machine=replace(description.machine, gravity=gravity))
@@ -298,6 +311,8 @@ def test_corrected_files_come_back(name):
     np.testing.assert_allclose(again.lines, model.lines, atol=1e-12)
     np.testing.assert_allclose(again.mass_diagonal(), model.mass_diagonal(), rtol=1e-14)
     assert np.linalg.norm(static_equilibrium(again)) == 0.0
+    values = {one.name: one.value for one in again.parameters}
+    assert effect.fitted_inner(place, inner, values) == pytest.approx(inner)
     layout = read_layout(layout_text(applied.layout, 'written'), 'written')
     for one, other in zip(layout.sensors, applied.layout.sensors, strict=True):
         assert (one.name, one.gain, one.delay) == (other.name, other.gain, other.delay)

@@ -176,6 +176,29 @@ class Effect(ABC):
         """
         raise KeyError(name)
 
+    def fitted_inner(
+        self, place: Place, inner: Mapping[str, float], values: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """
+        Read its inner parameters off a machine that has it.
+
+        Parameters
+        ----------
+        place : Place
+        inner : mapping of str to float
+            As tried: what the machine has no parameter for remains.
+        values : mapping of str to float
+            Of the machine's parameters, by name [SI].
+
+        Returns
+        -------
+        mapping of str to float
+            By the names in `inner`.
+
+        """
+        part = self.part_name(place)
+        return {name: values.get(f'{part}.{name}', tried) for name, tried in inner.items()}
+
     @abstractmethod
     def applied(
         self, description: Description, place: Place, inner: Mapping[str, float], size: float

@@ -97,11 +97,29 @@ class HiddenOscillator(AddedForce):
         )  # fmt: skip
         none = (Coefficient(0.0),) * (place.axis - 1)
         spring = SpringDamper(
-            f'{name}_spring', name, host.name, host.centre_of_mass,
+            self._spring_name(place), name, host.name, host.centre_of_mass,
             stiffness=(*none, Coefficient(size * rate**2, estimated=True)),
             damping=(*none, Coefficient(2 * inner[DAMPING_RATIO] * size * rate, estimated=True)),
         )  # fmt: skip
         return description.with_body(mass).with_joint(spring)
+
+    def fitted_inner(
+        self, place: Place, inner: Mapping[str, float], values: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """Find frequency and damping ratio from mass, stiffness and damping."""
+        spring = self._spring_name(place)
+        mass = values[f'{self.part_name(place)}.mass']
+        # A list of one number has no indices.
+        end = '' if place.axis == 1 else f'_{place.axis}'
+        stiffness, damping = (values[f'{spring}.{key}{end}'] for key in ('stiffness', 'damping'))
+        if stiffness <= 0:
+            return inner  # nothing that oscillates
+        rate = np.sqrt(stiffness / mass)
+        ratio = damping / (2 * mass * rate)
+        return {FREQUENCY: float(rate / (2 * np.pi)), DAMPING_RATIO: float(ratio)}
+
+    def _spring_name(self, place: Place) -> str:
+        return f'{self.part_name(place)}_spring'
 
     def hidden_in(self, description: Description, place: Place) -> bool:
         """Tell whether there is one already: its mass, spring and damper are unknown."""

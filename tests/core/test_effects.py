@@ -166,6 +166,11 @@ def test_oscillators_are_looked_for_where_bodies_move(description):
     variants = effect.variants(fixed, place, Scale({}, {}))
     frequencies = {one['frequency'] for one in variants}
     assert min(frequencies) < 20 < 200 < max(frequencies)
+    finer = sorted(
+        {one['frequency'] for one in effect.finer_variants(fixed, place, Scale({}, {}))}
+    )
+    assert (finer[0], finer[-1]) == pytest.approx((min(frequencies), max(frequencies)))
+    assert np.diff(np.log(finer)).max() < 0.04
     after = effect.applied(fixed, place, variants[0], 0.1)
     assert [one.label for one in effect.places(after)] == ['table.axis_2']
     assert effect.hidden_in(after, place)

@@ -160,6 +160,26 @@ class Effect(ABC):
         """
         return ({},)
 
+    def finer_variants(
+        self, description: Description, place: Place, scale: Scale
+    ) -> Sequence[Mapping[str, float]]:
+        """
+        List inner parameters to try where the effect has been found, before it is fitted.
+
+        Parameters
+        ----------
+        description : Description
+        place : Place
+        scale : Scale
+
+        Returns
+        -------
+        sequence of mapping of str to float
+            Empty where a fit finds its way from any of `variants`.
+
+        """
+        return ()
+
     def inner_unit(self, name: str, place: Place) -> str:
         """
         Give the SI unit of an inner parameter.

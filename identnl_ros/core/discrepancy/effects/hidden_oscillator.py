@@ -20,10 +20,13 @@ DAMPING_RATIO = 'damping_ratio'
 # Excited band of a machine whose file tells none [Hz].
 BAND = (5.0, 500.0)
 # Frequencies are tried from this much below the excited band to this much above it.
-BEYOND = np.sqrt(2.0)
+BEYOND = 2**0.5
 FREQUENCIES = 16
 # The larger one is seen between two frequencies of the grid, too.
 DAMPING_RATIOS = (0.02, 0.1)
+# Ratio of frequencies, and damping ratios, where one is looked for more closely.
+FINE_STEP = 1.04
+FINE_DAMPING_RATIOS = (0.005, 0.02, 0.07)
 
 
 class HiddenOscillator(AddedForce):
@@ -57,14 +60,15 @@ class HiddenOscillator(AddedForce):
         self, description: Description, place: Place, scale: Scale
     ) -> Sequence[Mapping[str, float]]:
         """List frequencies in and about the excited band, and damping ratios."""
-        bands = [one.band for one in description.machine.excitations] or [BAND]
-        lowest = min(band[0] for band in bands) / BEYOND
-        highest = max(band[1] for band in bands) * BEYOND
-        return tuple(
-            {FREQUENCY: float(frequency), DAMPING_RATIO: ratio}
-            for frequency in np.geomspace(lowest, highest, FREQUENCIES)
-            for ratio in DAMPING_RATIOS
-        )
+        return _grid(np.geomspace(*_range(description), FREQUENCIES), DAMPING_RATIOS)
+
+    def finer_variants(
+        self, description: Description, place: Place, scale: Scale
+    ) -> Sequence[Mapping[str, float]]:
+        """List frequencies so close that a fit finds a lightly damped resonance from one."""
+        lowest, highest = _range(description)
+        count = int(np.ceil(np.log(highest / lowest) / np.log(FINE_STEP))) + 1
+        return _grid(np.geomspace(lowest, highest, count), FINE_DAMPING_RATIOS)
 
     def force(
         self, course: Course, place: Place, inner: Mapping[str, float]
@@ -124,6 +128,21 @@ class HiddenOscillator(AddedForce):
     def hidden_in(self, description: Description, place: Place) -> bool:
         """Tell whether there is one already: its mass, spring and damper are unknown."""
         return any(body.name == self.part_name(place) for body in description.machine.bodies)
+
+
+def _range(description: Description) -> tuple[float, float]:
+    """Find the lowest and the highest frequency to try [Hz]."""
+    bands = [one.band for one in description.machine.excitations] or [BAND]
+    lowest, highest = min(band[0] for band in bands), max(band[1] for band in bands)
+    return lowest / BEYOND, highest * BEYOND
+
+
+def _grid(frequencies: Reals, damping_ratios: Sequence[float]) -> Sequence[Mapping[str, float]]:
+    return tuple(
+        {FREQUENCY: float(frequency), DAMPING_RATIO: ratio}
+        for frequency in frequencies
+        for ratio in damping_ratios
+    )
 
 
 def _moves(body: Body, axis: int) -> bool:

@@ -125,7 +125,7 @@ class Description:
 
     def with_body(self, body: Body) -> 'Description':
         """
-        Put a body in the place of the one of the same name.
+        Add a body, or put it in the place of the one of the same name.
 
         Parameters
         ----------
@@ -136,7 +136,11 @@ class Description:
         Description
 
         """
-        bodies = tuple(body if one.name == body.name else one for one in self.machine.bodies)
+        bodies = self.machine.bodies
+        if any(one.name == body.name for one in bodies):
+            bodies = tuple(body if one.name == body.name else one for one in bodies)
+        else:
+            bodies = (*bodies, body)
         return replace(self, machine=replace(self.machine, bodies=bodies))
 
     def with_sensor(self, sensor: Sensor) -> 'Description':

@@ -160,6 +160,26 @@ class Effect(ABC):
         """
         return ({},)
 
+    def finer_variants(
+        self, description: Description, place: Place, scale: Scale
+    ) -> Sequence[Mapping[str, float]]:
+        """
+        List inner parameters to try where the effect has been found, before it is fitted.
+
+        Parameters
+        ----------
+        description : Description
+        place : Place
+        scale : Scale
+
+        Returns
+        -------
+        sequence of mapping of str to float
+            Empty where a fit finds its way from any of `variants`.
+
+        """
+        return ()
+
     def inner_unit(self, name: str, place: Place) -> str:
         """
         Give the SI unit of an inner parameter.
@@ -175,6 +195,29 @@ class Effect(ABC):
 
         """
         raise KeyError(name)
+
+    def fitted_inner(
+        self, place: Place, inner: Mapping[str, float], values: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """
+        Read its inner parameters off a machine that has it.
+
+        Parameters
+        ----------
+        place : Place
+        inner : mapping of str to float
+            As tried: what the machine has no parameter for remains.
+        values : mapping of str to float
+            Of the machine's parameters, by name [SI].
+
+        Returns
+        -------
+        mapping of str to float
+            By the names in `inner`.
+
+        """
+        part = self.part_name(place)
+        return {name: values.get(f'{part}.{name}', tried) for name, tried in inner.items()}
 
     @abstractmethod
     def applied(

@@ -11,9 +11,13 @@ from identnl_ros.core.discrepancy.effects.added_mass import AddedMass
 from identnl_ros.core.discrepancy.effects.backlash import Backlash
 from identnl_ros.core.discrepancy.effects.bilinear_stiffness import BilinearStiffness
 from identnl_ros.core.discrepancy.effects.constant_force import UnknownConstantForce
+from identnl_ros.core.discrepancy.effects.contact_opening import ContactOpening
 from identnl_ros.core.discrepancy.effects.coulomb_friction import CoulombFriction
 from identnl_ros.core.discrepancy.effects.coupled_contact import CoupledContact
 from identnl_ros.core.discrepancy.effects.cubic_stiffness import CubicStiffness
+from identnl_ros.core.discrepancy.effects.force_delay import ForceDelay
+from identnl_ros.core.discrepancy.effects.force_gain import ForceGain
+from identnl_ros.core.discrepancy.effects.hidden_oscillator import HiddenOscillator
 from identnl_ros.core.discrepancy.effects.hysteresis import Hysteresis
 from identnl_ros.core.discrepancy.effects.linear_stiffness import LinearStiffness
 from identnl_ros.core.discrepancy.effects.missing_joint import MissingJoint
@@ -48,11 +52,13 @@ EFFECTS: tuple[Effect, ...] = (
     WrongExponent(),
     WrongPreload(),
     CoupledContact(),
+    ContactOpening(),
     MissingJoint(),
     AddedMass(),
     AddedInertia(),
     ShiftedCentreOfMass(),
     UnknownConstantForce(),
+    HiddenOscillator(),
     SensorGain(),
     SwappedPolarity(),
     SensorOffset(),
@@ -60,6 +66,8 @@ EFFECTS: tuple[Effect, ...] = (
     KindDelay(),
     ExchangedChannels(),
     WrongDirection(),
+    ForceGain(),
+    ForceDelay(),
 )
 
 

@@ -120,7 +120,7 @@ class Features:
         motion = course.displacement, course.velocity, course.acceleration
         unit = effect.unit_size(course.description, hypothesis.place)
         changed = assemble(hypothesis.applied(course.description, unit).machine)
-        changed = _with_values_of(changed, model)
+        changed = _with_values_of(changed, model, assemble(course.description.machine))
         transfer = _transfer(model, changed)
         other = left_hand_side(changed, *(one @ transfer.T for one in motion)) @ transfer
         return (left_hand_side(model, *motion) - other) / unit
@@ -147,12 +147,13 @@ def left_hand_side(
     return np.asarray(inertia + model.joint_force(displacement, velocity) - model.constant_load())
 
 
-def _with_values_of(model: Model, other: Model) -> Model:
+def _with_values_of(model: Model, fitted: Model, described: Model) -> Model:
+    """Carry fitted values over, but those that the effect itself has changed."""
     values = model.values
-    known = {one.name: one.value for one in other.parameters}
-    changed = {one.name for one in model.parameters if one.inner}
+    known = {one.name: one.value for one in fitted.parameters}
+    before = {one.name: one.value for one in described.parameters}
     for i, one in enumerate(model.parameters):
-        if one.name in known and one.name not in changed and not one.name.endswith('.mass'):
+        if one.name in known and one.value == before[one.name]:
             values[i] = known[one.name]
     return model.with_values(values)
 

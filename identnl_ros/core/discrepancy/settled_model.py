@@ -25,6 +25,9 @@ SMALL_STEP = 0.3
 SAME_NOISE = 0.01
 # Directions of the unknowns that the data see less than this, relatively, are left alone.
 UNSEEN = 1e-9
+# Factor by which numbers of parts that no sensor sees may change in a step, and steps then.
+LARGEST_CHANGE = 3.0
+UNSEEN_PASSES = 14
 # Times that what is left may grow in a step, beyond which the step is too long.
 GROWTH = 1.5
 # Beyond this, responses to a step cannot be told from growth without bound.
@@ -114,6 +117,9 @@ def settled(
     fixed = noise is not None
     best: SettledModel | None = None
     base = model, state, np.zeros(0)
+    unseen = _unseen_parts(model, record)
+    if unseen and not held:
+        passes = max(passes, UNSEEN_PASSES)
     for _ in range(passes):
         comparison = Comparison(description, model, record, state, noise)
         noise = comparison.deviation
@@ -122,7 +128,7 @@ def settled(
             # Too far: the linearisation does not hold.
             origin, base_state, step = base
             base = origin, base_state, step / 2
-            model, state = _after(origin, base_state, step / 2, held)
+            model, state = _after(origin, base_state, step / 2, held, unseen)
             continue
         if solved is None:
             raise MachineError(
@@ -134,7 +140,7 @@ def settled(
         begin = motion.displacement[0], motion.velocity[0]
         base = model, begin, solved.step
         earlier = comparison.state
-        model, state = _after(*base, held)
+        model, state = _after(*base, held, unseen)
         assert state is not None
         moved = np.concatenate((state[0] - earlier[0], state[1] - earlier[1]))
         change = np.concatenate((solved.step[: -len(moved)], moved)) / solved.spread
@@ -205,8 +211,9 @@ def _solved(comparison: Comparison, held: bool) -> _Solved | None:
     largest = max(np.abs(table).max(initial=0.0), np.abs(residual).max())
     if not largest < LARGEST:
         return None
-    step, deviations, explained = _step(table.T, residual)
-    left = float(np.sum(np.abs(evidence.residual) ** 2)) - explained
+    step, deviations, unexplained = _step(table.T, residual)
+    # Not the difference of two squares, of which little may be left.
+    left = float(np.sum(np.abs(evidence.residual[motion:]) ** 2)) + unexplained
     if held:
         own = np.zeros(unknowns)
         step, deviations = np.concatenate((own, step)), np.concatenate((own + np.inf, deviations))
@@ -214,14 +221,30 @@ def _solved(comparison: Comparison, held: bool) -> _Solved | None:
 
 
 def _after(
-    model: Model, state: tuple[Reals, Reals] | None, step: Reals, held: bool
+    model: Model,
+    state: tuple[Reals, Reals] | None,
+    step: Reals,
+    held: bool,
+    unseen: frozenset[str],
 ) -> tuple[Model, tuple[Reals, Reals] | None]:
     if state is None:
         return model, None
     n = len(model.coordinates)
     unknowns = len(step) - 2 * n
-    moved = model if held else _moved(model, step[:unknowns])
+    moved = model if held else _moved(model, step[:unknowns].copy(), unseen)
     return moved, (state[0] + step[unknowns : unknowns + n], state[1] + step[unknowns + n :])
+
+
+def _unseen_parts(model: Model, record: MeasuredRecord) -> frozenset[str]:
+    """Find bodies on which there is no sensor, and their joints."""
+    seen = {sensor.body for sensor in record.layout.sensors if sensor.body}
+    bodies = {body.name for body in model.machine.bodies} - seen
+    joints = {
+        joint.name
+        for joint in model.machine.joints
+        if joint.body in bodies or joint.other_body in bodies
+    }
+    return frozenset(bodies | joints)
 
 
 def start_of(description: Description, values: dict[str, float]) -> Model:
@@ -249,7 +272,7 @@ def start_of(description: Description, values: dict[str, float]) -> Model:
 
 
 def _step(base: Reals, residual: Reals) -> tuple[Reals, Reals, float]:
-    """Solve the regression: the step, its standard deviations, what it explains."""
+    """Solve the regression: the step, its standard deviations, what it leaves."""
     lengths = np.linalg.norm(base, axis=0)
     lengths[lengths == 0] = 1.0
     basis, triangle = np.linalg.qr(base / lengths)
@@ -259,12 +282,18 @@ def _step(base: Reals, residual: Reals) -> tuple[Reals, Reals, float]:
     inverse = right[used].T / sizes[used]
     deviations = np.sqrt((inverse**2).sum(axis=1)) / lengths
     deviations[deviations == 0] = np.inf
-    return inverse @ part / lengths, deviations, float(part @ part)
+    rest = residual - basis @ (left[:, used] @ part)
+    return inverse @ part / lengths, deviations, float(rest @ rest)
 
 
-def _moved(model: Model, step: Reals) -> Model:
+def _moved(model: Model, step: Reals, unseen: frozenset[str]) -> Model:
     """Go as much of a step as the machine allows."""
     values = model.values[list(model.estimated)]
+    for i, index in enumerate(model.estimated):
+        # Motion that no sensor sees can go astray unnoticed.
+        if model.parameters[index].name.split('.')[0] in unseen and values[i] > 0:
+            low, high = values[i] / LARGEST_CHANGE, values[i] * LARGEST_CHANGE
+            step[i] = np.clip(values[i] + step[i], low, high) - values[i]
     for _ in range(HALVINGS):
         try:
             moved = model.with_unknowns(values + step)

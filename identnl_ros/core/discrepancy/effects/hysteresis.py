@@ -26,19 +26,24 @@ class Hysteresis(ElementEffect):
     units = ('N/m', 'N m/rad')
 
     def fractions(self) -> Shares:
-        """List inner parameters as shares of the motion."""
-        return (
-            {'limit': ('deformation', 0.05)},
-            {'limit': ('deformation', 0.15)},
-            {'limit': ('deformation', 0.4)},
-        )
+        """List limits as shares of the motion."""
+        return ({'limit': ('deformation', 0.07)}, {'limit': ('deformation', 0.25)})
 
     def variants(
         self, description: Description, place: Place, scale: Scale
     ) -> Sequence[Mapping[str, float]]:
-        """List limits as shares of what the joint does, with both exponents."""
-        return tuple(
-            {**one, EXPONENT: exponent}
-            for one in super().variants(description, place, scale)
-            for exponent in (JENKINS, BOUC_WEN)
-        )
+        """List limits as shares of what the joint does."""
+        return _with(super().variants(description, place, scale), BOUC_WEN)
+
+    def finer_variants(
+        self, description: Description, place: Place, scale: Scale
+    ) -> Sequence[Mapping[str, float]]:
+        """List limits more closely, with both exponents."""
+        limits = super().finer_variants(description, place, scale)
+        return (*_with(limits, BOUC_WEN), *_with(limits, JENKINS))
+
+
+def _with(
+    variants: Sequence[Mapping[str, float]], exponent: float
+) -> Sequence[Mapping[str, float]]:
+    return tuple({**one, EXPONENT: exponent} for one in variants)

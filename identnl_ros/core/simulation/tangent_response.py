@@ -46,11 +46,22 @@ class TangentResponse:
         Between samples [s].
     disturbances : int
         Further forces whose response is wanted.
+    start : float
+        Time of the first sample since the begin of the stream [s].
+
+    Attributes
+    ----------
+    time : float
+        Time of the present sample since the begin of the stream [s]; may be set. Matters to
+        periodic forces and to stiffness that drifts.
 
     """
 
-    def __init__(self, model: Model, interval: float, disturbances: int = 0) -> None:
+    def __init__(
+        self, model: Model, interval: float, disturbances: int = 0, start: float = 0.0
+    ) -> None:
         self._interval = interval
+        self.time = start
         n = len(model.coordinates)
         self._unknowns = len(model.estimated) + disturbances
         columns = self._unknowns + 2 * n
@@ -124,14 +135,16 @@ class TangentResponse:
         if hidden is None:
             hidden = hidden_motion(model, displacement, velocity, self._hidden)
         self._hidden = hidden[-1]
-        forcing = -self._derivatives.of_motion(displacement, velocity, acceleration, hidden)
+        times: Reals = self.time + self._interval * np.arange(len(displacement), dtype=np.float64)
+        self.time = float(times[-1])
+        forcing = -self._derivatives.of_motion(displacement, velocity, acceleration, hidden, times)
         span = None
         if self._sharp is not None:
             forcing -= self._mean_sharp(self._sharp, displacement, velocity, acceleration)
             span = velocity * (self._interval / 2), acceleration * (self._interval / 2)
         if disturbance is not None:
             forcing = np.concatenate((forcing, disturbance), axis=2)
-        found = line_slopes(model, displacement, velocity, hidden, span)
+        found = line_slopes(model, displacement, velocity, hidden, span, times)
         slopes = found.stiffness
         stiffest = np.abs(slopes).max(axis=0)
         scale = 1 / np.sqrt(self._mass)

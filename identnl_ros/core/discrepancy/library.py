@@ -19,6 +19,7 @@ from identnl_ros.core.discrepancy.effects.linear_stiffness import LinearStiffnes
 from identnl_ros.core.discrepancy.effects.missing_joint import MissingJoint
 from identnl_ros.core.discrepancy.effects.quadratic_damping import QuadraticDamping
 from identnl_ros.core.discrepancy.effects.quadratic_stiffness import QuadraticStiffness
+from identnl_ros.core.discrepancy.effects.sensor_drift import SensorDrift
 from identnl_ros.core.discrepancy.effects.sensor_faults import (
     ExchangedChannels,
     KindDelay,
@@ -30,6 +31,9 @@ from identnl_ros.core.discrepancy.effects.sensor_faults import (
 )
 from identnl_ros.core.discrepancy.effects.shifted_centre_of_mass import ShiftedCentreOfMass
 from identnl_ros.core.discrepancy.effects.stribeck_friction import StribeckFriction
+from identnl_ros.core.discrepancy.effects.unmeasured_periodic_force import (
+    UnmeasuredPeriodicForce,
+)
 from identnl_ros.core.discrepancy.effects.viscous_damping import ViscousDamping
 from identnl_ros.core.discrepancy.effects.wrong_exponent import WrongExponent
 from identnl_ros.core.discrepancy.effects.wrong_preload import WrongPreload
@@ -53,9 +57,11 @@ EFFECTS: tuple[Effect, ...] = (
     AddedInertia(),
     ShiftedCentreOfMass(),
     UnknownConstantForce(),
+    UnmeasuredPeriodicForce(),
     SensorGain(),
     SwappedPolarity(),
     SensorOffset(),
+    SensorDrift(),
     SensorDelay(),
     KindDelay(),
     ExchangedChannels(),

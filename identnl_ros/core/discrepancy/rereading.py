@@ -24,8 +24,9 @@ def reread(record: MeasuredRecord, layout: Layout) -> MeasuredRecord:
     MeasuredRecord
 
     """
+    time = record.time
     columns = [
-        new.to_si(old.to_recorded(record.samples[:, i]))
+        new.to_si(old.to_recorded(record.samples[:, i], time), time)
         for i, (old, new) in enumerate(zip(record.layout.sensors, layout.sensors, strict=True))
     ]
     return replace(record, layout=layout, samples=np.column_stack(columns))

@@ -59,6 +59,11 @@ class MeasuredRecord:
         """Time of the first sample since the begin of the stream [s]."""
         return self.first_index / self.sample_rate
 
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time of the samples since the begin of the stream [s], shape (n_samples,)."""
+        return np.asarray((self.first_index + np.arange(len(self.samples))) / self.sample_rate)
+
     def part(self, begin: int, end: int) -> 'MeasuredRecord':
         """
         Cut out consecutive samples.

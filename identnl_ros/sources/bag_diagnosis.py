@@ -69,8 +69,9 @@ def diagnose_bag(
     problems = list(bag.problems)
     if validate is None:
         count = min(round(HELD_OUT_SHARE * len(record.samples)), LONGEST_HELD_OUT)
-        held_out = MeasuredRecord(record.layout, record.sample_rate, record.samples[-count:])
-        record = MeasuredRecord(record.layout, record.sample_rate, record.samples[:-count])
+        whole = len(record.samples)
+        held_out = record.part(whole - count, whole)
+        record = record.part(0, whole - count)
     else:
         held_out = _longest_run(validate)
         held_out = _first(held_out, LONGEST_HELD_OUT)
@@ -100,19 +101,18 @@ def diagnose_bag(
 
 def _longest_run(path: Path) -> MeasuredRecord:
     bag = open_bag(path)
-    longest: tuple[np.ndarray, Layout, float] | None = None
+    longest: MeasuredRecord | None = None
     for stream in bag.streams:
-        for samples in BagRuns(bag, stream).runs():
-            if longest is None or len(samples) > len(longest[0]):
-                longest = samples, stream.layout, stream.sample_rate
+        for record in BagRuns(bag, stream).runs():
+            if longest is None or len(record.samples) > len(longest.samples):
+                longest = record
     if longest is None:
         raise DataError(f'{path}: no uninterrupted run with a measured force in it')
-    samples, layout, rate = longest
-    return MeasuredRecord(layout, rate, samples)
+    return longest
 
 
 def _first(record: MeasuredRecord, count: int) -> MeasuredRecord:
-    return MeasuredRecord(record.layout, record.sample_rate, record.samples[:count])
+    return record.part(0, count)
 
 
 def _require_same(layout: Layout, other: Layout, where: Path) -> None:

@@ -63,6 +63,7 @@ class Comparison:
         self.description = description
         self.model = model
         self.rate = record.sample_rate
+        self._origin = record.origin
         prediction = SensorPrediction(model, record.layout, record.sample_rate)
         self.sensors = [record.layout.sensors[i] for i in prediction.channels]
         self.prepared = prepared = prepare(model, record, prediction)
@@ -88,6 +89,12 @@ class Comparison:
         self.average = weighting_function_for(frequency, self.rate).stride
         self.count = len(self.measured) // self.average * self.average
         self.motion = self._nominal(simulated, readings)
+
+    @property
+    def time(self) -> Reals:
+        """Of the samples and of one more, since the begin of the stream, (n_samples + 1,) [s]."""
+        samples = self.prepared.first + np.arange(len(self.measured) + 1)
+        return np.asarray(self._origin + samples / self.rate)
 
     @property
     def scale(self) -> Scale:
@@ -144,7 +151,7 @@ class Comparison:
         displacement, velocity = self.state
         simulation = VariedSimulation(
             self.model, prepared.signals, 1 / self.rate, displacement.copy(), velocity.copy(),
-            start=prepared.first / self.rate, sensitive=False,
+            start=prepared.first / self.rate, origin=self._origin, sensitive=False,
         )  # fmt: skip
         total = len(self.measured) + 1
         parts = [
@@ -238,7 +245,7 @@ class Comparison:
         motion = self.motion
         return Course(
             self.description, self.model,
-            (self.prepared.first + np.arange(self.count + 1)) / self.rate,
+            self.time[part],
             motion.displacement[part], motion.velocity[part], motion.acceleration[part],
             self.force()[part],
         )  # fmt: skip
@@ -266,7 +273,7 @@ class Comparison:
                 triads[self.sensors[i].name] = series[order][: len(rates)] @ three.T
         names = [sensor.name for sensor in self.sensors]
         return Signals(
-            np.arange(len(nominal)) / self.rate,
+            self.time[:-1],
             dict(zip(names, nominal.T, strict=True)),
             dict(zip(names, rates.T, strict=True)),
             triads,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from identnl_ros.core.measurement.layout import Layout, Sensor
 from identnl_ros.core.mechanics.joints import Joint
 from identnl_ros.core.mechanics.machine import Body, ConstantForce, Machine
+from identnl_ros.core.mechanics.periodic_force import PeriodicForce
 from identnl_ros.core.mechanics.slideway import Slideway
 
 
@@ -107,13 +108,13 @@ class Description:
             joints = (*joints, joint)
         return replace(self, machine=replace(self.machine, joints=joints))
 
-    def with_force(self, force: ConstantForce) -> 'Description':
+    def with_force(self, force: ConstantForce | PeriodicForce) -> 'Description':
         """
-        Add a constant force.
+        Add a force.
 
         Parameters
         ----------
-        force : ConstantForce
+        force : ConstantForce or PeriodicForce
 
         Returns
         -------

@@ -66,7 +66,7 @@ class Evidence:
         hidden = hidden_motion(model, motion.displacement, motion.velocity)
         self.equations: LinearisedEquations = linearise(
             model, motion.displacement, motion.velocity, motion.acceleration, hidden,
-            1 / comparison.rate,
+            1 / comparison.rate, comparison.time,
         )  # fmt: skip
         table = self._table(hidden)
         white = (comparison.measured - comparison.readings(motion)) / comparison.deviation
@@ -138,9 +138,10 @@ class Evidence:
         for first in range(0, count, size):
             part = slice(first, min(first + size, count) + 1)
             piece = motion.displacement[part], motion.velocity[part], motion.acceleration[part]
-            defect = force[part] - left_hand_side(model, *piece)
+            time = comparison.time[part]
+            defect = force[part] - left_hand_side(model, *piece, time)
             forcing = np.concatenate(
-                (defect[:, :, np.newaxis], unknowns.forcing(*piece, hidden[part])), axis=2
+                (defect[:, :, np.newaxis], unknowns.forcing(*piece, hidden[part], time)), axis=2
             )
             means = self.equations.respond(state, forcing, inside, first, comparison.average)
             parts.append(self.channels.of_motion(means))

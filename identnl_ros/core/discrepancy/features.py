@@ -102,7 +102,9 @@ class Features:
             names.get(whole.parameters[index].name.split('.')[0]) for index in whole.estimated
         ]
         hidden = hidden_motion(whole, course.displacement, course.velocity)
-        lines = ForceDerivatives(whole).along_lines(course.displacement, course.velocity, hidden)
+        lines = ForceDerivatives(whole).along_lines(
+            course.displacement, course.velocity, hidden, course.time
+        )
         for column, of_line in lines.items():
             place = owner[column]
             if place is not None:
@@ -122,20 +124,23 @@ class Features:
         changed = assemble(hypothesis.applied(course.description, unit).machine)
         changed = _with_values_of(changed, model, assemble(course.description.machine))
         transfer = _transfer(model, changed)
-        other = left_hand_side(changed, *(one @ transfer.T for one in motion)) @ transfer
-        return (left_hand_side(model, *motion) - other) / unit
+        moved = tuple(one @ transfer.T for one in motion)
+        other = left_hand_side(changed, moved[0], moved[1], moved[2], course.time) @ transfer
+        return (left_hand_side(model, *motion, course.time) - other) / unit
 
 
 def left_hand_side(
-    model: Model, displacement: Reals, velocity: Reals, acceleration: Reals
+    model: Model, displacement: Reals, velocity: Reals, acceleration: Reals, time: Reals
 ) -> Reals:
     """
-    Evaluate inertia and joint forces minus constant loads, (1) of Berczynski et al. (2010).
+    Evaluate inertia and joint forces minus loads, (1) of Berczynski et al. (2010).
 
     Parameters
     ----------
     model : Model
     displacement, velocity, acceleration : ndarray, shape (n_samples, n_coordinates)
+    time : ndarray, shape (n_samples,)
+        Since the begin of the stream [s].
 
     Returns
     -------
@@ -144,7 +149,8 @@ def left_hand_side(
 
     """
     inertia = model.mass_diagonal() * acceleration
-    return np.asarray(inertia + model.joint_force(displacement, velocity) - model.constant_load())
+    force = model.joint_force(displacement, velocity, time=time)
+    return np.asarray(inertia + force - model.constant_load() - model.periodic_load(time))
 
 
 def _with_values_of(model: Model, fitted: Model, described: Model) -> Model:

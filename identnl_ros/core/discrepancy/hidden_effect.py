@@ -17,6 +17,8 @@ import numpy as np
 
 # Run of the machine without the effect, to see how large it would be [s].
 TRIAL = 0.4
+# Of a periodic force: times the middle of the exciters' band.
+FREQUENCY = 1.618
 
 
 @dataclass(frozen=True)
@@ -134,8 +136,11 @@ def relative_size(
             key = joint.name, axis + 1
             deformation[key] = float(np.abs(displacement @ rows[axis]).max())
             rate[key] = float(np.abs(velocity @ rows[axis]).max())
+    band = model.machine.excitations[0].band
+    # Of a periodic force: one that no exciter of this machine is likely to have.
+    frequencies = (float(np.sqrt(band[0] * band[1])) * FREQUENCY,)
     effect, place = hypothesis.effect, hypothesis.place
-    variants = effect.variants(description, place, Scale(deformation, rate))
+    variants = effect.variants(description, place, Scale(deformation, rate, frequencies))
     chosen = Hypothesis(effect, place, variants[len(variants) // 2])
     driven = np.column_stack([one.on_grid(0.0, interval, count) for one in signals])
     course = Course(

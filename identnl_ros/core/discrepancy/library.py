@@ -15,6 +15,7 @@ from identnl_ros.core.discrepancy.effects.contact_opening import ContactOpening
 from identnl_ros.core.discrepancy.effects.coulomb_friction import CoulombFriction
 from identnl_ros.core.discrepancy.effects.coupled_contact import CoupledContact
 from identnl_ros.core.discrepancy.effects.cubic_stiffness import CubicStiffness
+from identnl_ros.core.discrepancy.effects.drifting_stiffness import DriftingStiffness
 from identnl_ros.core.discrepancy.effects.force_delay import ForceDelay
 from identnl_ros.core.discrepancy.effects.force_gain import ForceGain
 from identnl_ros.core.discrepancy.effects.hidden_oscillator import HiddenOscillator
@@ -23,6 +24,7 @@ from identnl_ros.core.discrepancy.effects.linear_stiffness import LinearStiffnes
 from identnl_ros.core.discrepancy.effects.missing_joint import MissingJoint
 from identnl_ros.core.discrepancy.effects.quadratic_damping import QuadraticDamping
 from identnl_ros.core.discrepancy.effects.quadratic_stiffness import QuadraticStiffness
+from identnl_ros.core.discrepancy.effects.sensor_drift import SensorDrift
 from identnl_ros.core.discrepancy.effects.sensor_faults import (
     ExchangedChannels,
     KindDelay,
@@ -34,6 +36,9 @@ from identnl_ros.core.discrepancy.effects.sensor_faults import (
 )
 from identnl_ros.core.discrepancy.effects.shifted_centre_of_mass import ShiftedCentreOfMass
 from identnl_ros.core.discrepancy.effects.stribeck_friction import StribeckFriction
+from identnl_ros.core.discrepancy.effects.unmeasured_periodic_force import (
+    UnmeasuredPeriodicForce,
+)
 from identnl_ros.core.discrepancy.effects.viscous_damping import ViscousDamping
 from identnl_ros.core.discrepancy.effects.wrong_exponent import WrongExponent
 from identnl_ros.core.discrepancy.effects.wrong_preload import WrongPreload
@@ -48,6 +53,7 @@ EFFECTS: tuple[Effect, ...] = (
     LinearStiffness(),
     QuadraticStiffness(),
     CubicStiffness(),
+    DriftingStiffness(),
     ViscousDamping(),
     WrongExponent(),
     WrongPreload(),
@@ -59,9 +65,11 @@ EFFECTS: tuple[Effect, ...] = (
     ShiftedCentreOfMass(),
     UnknownConstantForce(),
     HiddenOscillator(),
+    UnmeasuredPeriodicForce(),
     SensorGain(),
     SwappedPolarity(),
     SensorOffset(),
+    SensorDrift(),
     SensorDelay(),
     KindDelay(),
     ExchangedChannels(),

@@ -113,6 +113,7 @@ def linearise(
     acceleration: Reals,
     hidden: Reals,
     interval: float,
+    time: Reals | None = None,
 ) -> LinearisedEquations:
     """
     Linearise the equations of motion along a motion.
@@ -124,6 +125,8 @@ def linearise(
     hidden : ndarray, shape (n_samples, n_hidden)
     interval : float
         Between samples [s].
+    time : ndarray, shape (n_samples,), or None
+        Since the begin of the stream [s]; None where nothing depends on it.
 
     Returns
     -------
@@ -132,7 +135,7 @@ def linearise(
     """
     sharp = any(term.law.kind in SHARP_KINDS for term in model.terms)
     span = (velocity * (interval / 2), acceleration * (interval / 2)) if sharp else None
-    slopes = line_slopes(model, displacement, velocity, hidden, span)
+    slopes = line_slopes(model, displacement, velocity, hidden, span, time)
     stiffest = np.abs(slopes.stiffness).max(axis=0)
     lines = model.lines / np.sqrt(model.mass_diagonal())
     largest = np.linalg.eigvalsh((lines.T * stiffest) @ lines)[-1]
@@ -156,11 +159,22 @@ class TangentResponse:
         Between samples [s].
     disturbances : int
         Further forces whose response is wanted.
+    start : float
+        Time of the first sample since the begin of the stream [s].
+
+    Attributes
+    ----------
+    time : float
+        Time of the present sample since the begin of the stream [s]; may be set. Matters to
+        periodic forces and to stiffness that drifts.
 
     """
 
-    def __init__(self, model: Model, interval: float, disturbances: int = 0) -> None:
+    def __init__(
+        self, model: Model, interval: float, disturbances: int = 0, start: float = 0.0
+    ) -> None:
         self._interval = interval
+        self.time = start
         n = len(model.coordinates)
         self._unknowns = len(model.estimated) + disturbances
         columns = self._unknowns + 2 * n
@@ -233,15 +247,24 @@ class TangentResponse:
         if hidden is None:
             hidden = hidden_motion(model, displacement, velocity, self._hidden)
         self._hidden = hidden[-1]
-        forcing = self.forcing(displacement, velocity, acceleration, hidden)
+        times: Reals = self.time + self._interval * np.arange(len(displacement), dtype=np.float64)
+        self.time = float(times[-1])
+        forcing = self.forcing(displacement, velocity, acceleration, hidden, times)
         if disturbance is not None:
             forcing = np.concatenate((forcing, disturbance), axis=2)
-        linearised = linearise(model, displacement, velocity, acceleration, hidden, self._interval)
+        linearised = linearise(
+            model, displacement, velocity, acceleration, hidden, self._interval, times
+        )
         derivatives: Reals = linearised.respond(self._state, forcing, self._inside)
         return derivatives
 
     def forcing(
-        self, displacement: Reals, velocity: Reals, acceleration: Reals, hidden: Reals
+        self,
+        displacement: Reals,
+        velocity: Reals,
+        acceleration: Reals,
+        hidden: Reals,
+        time: Reals | None = None,
     ) -> Reals:
         """
         Give the forces by which errors of the unknowns disturb the motion.
@@ -250,6 +273,8 @@ class TangentResponse:
         ----------
         displacement, velocity, acceleration : ndarray, shape (n_samples, n_coordinates)
         hidden : ndarray, shape (n_samples, n_hidden)
+        time : ndarray, shape (n_samples,), or None
+            Since the begin of the stream [s]; None where nothing depends on it.
 
         Returns
         -------
@@ -257,7 +282,7 @@ class TangentResponse:
             [N, N m per unit of each].
 
         """
-        forcing = -self._derivatives.of_motion(displacement, velocity, acceleration, hidden)
+        forcing = -self._derivatives.of_motion(displacement, velocity, acceleration, hidden, time)
         if self._sharp is not None:
             forcing -= self._mean_sharp(self._sharp, displacement, velocity, acceleration)
         return forcing

@@ -34,7 +34,7 @@ class HeldOutError:
     time : ndarray, shape (n_samples,)
         [s].
     measured, simulated : dict of str to ndarray, shape (n_samples,)
-        [SI unit].
+        [SI unit]; NaN: no valid reading.
     kinds : dict of str to SensorKind
         Of every sensor.
     force : ForceError
@@ -97,7 +97,7 @@ def held_out_error(description: Description, model: Model, record: MeasuredRecor
         float(np.sqrt(np.mean(floors))),
         channels,
         np.arange(len(error)) / record.sample_rate,
-        dict(zip(names, comparison.measured.T, strict=True)),
+        dict(zip(names, np.where(valid, comparison.measured, np.nan).T, strict=True)),
         dict(zip(names, (comparison.measured - error).T, strict=True)),
         {sensor.name: sensor.kind for sensor in comparison.sensors},
         force_error(comparison),

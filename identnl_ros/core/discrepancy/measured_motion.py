@@ -4,11 +4,11 @@
 The motion that all sensors have measured together, with as little of their noise as possible.
 
 What the readings differ from the simulation by is taken for the response of the machine to a
-force that its model lacks. Line by line of the spectrum the most probable such force is found:
-as strong as the exciters in every direction, under the noise of the sensors. So every line comes
-from the sensors that know it best, nothing is differentiated numerically, and what noise hides
-stays as simulated. The map is linear and does not depend on the readings: noise can be sent
-through it to see what it does.
+force that its model lacks. Line by line of the spectrum the most probable such force is found,
+if before the measurement all directions and lines are alike and of a given strength. So every
+line comes from the sensors that know it best, nothing is differentiated numerically, and what
+noise hides stays as simulated. The map is linear and does not depend on the readings: noise can
+be sent through it to see what it does.
 """
 
 from identnl_ros.core.discrepancy.evidence import Comparison

@@ -34,7 +34,7 @@ MOST_POINTS = 4000
 MOST_CHANNELS = 3
 # Periods of its strongest frequency in the window that is shown of a channel.
 PERIODS = 4
-SHORTEST_WINDOW = 40
+SHORTEST_WINDOW, LONGEST_WINDOW = 40, 600  # samples
 SEGMENT = 1024
 
 
@@ -102,6 +102,7 @@ def _residual(
         axes.barh(height, before, 0.5, label='model', **BEFORE.bar)
     axes.plot(noise, height, '|', markersize=12, label='sensor noise alone', **NOISE.mark)
     axes.set_yticks(height, [one.words for one in places])
+    axes.set_ylim(-0.8, len(places) - 0.2)
     axes.set_xlabel('unexplained force, % of the exciters')
     return finish(picture)
 
@@ -243,7 +244,7 @@ def _window(measured: Reals, simulated: Reals) -> slice:
     signal = np.nan_to_num(measured)
     power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(count))) ** 2
     period = count / max(int(np.argmax(power[1:])) + 1, 1)
-    length = min(max(round(PERIODS * period), SHORTEST_WINDOW), count)
+    length = min(max(round(PERIODS * period), SHORTEST_WINDOW), LONGEST_WINDOW, count)
     squares = np.cumsum(np.pad(np.nan_to_num(measured - simulated) ** 2, (1, 0)))
     first = int(np.argmax(squares[length:] - squares[:-length]))
     return slice(first, first + length)

@@ -7,7 +7,7 @@ The measured readings are compared with a nominal motion, about which the equati
 linearised. The noise is white; averages over a few samples keep what the machine can do.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from identnl_ros.core.discrepancy.consistent_motion import consistent_motion
 from identnl_ros.core.discrepancy.description import Description
@@ -34,6 +34,50 @@ CHUNK = 1024
 FINEST = 1e-6
 
 
+@dataclass(frozen=True)
+class State:
+    """
+    State of a machine.
+
+    Parameters
+    ----------
+    displacement, velocity : ndarray, shape (n_coordinates,)
+    hidden : ndarray, shape (n_hidden,)
+        Of hysteretic terms.
+
+    """
+
+    displacement: Reals
+    velocity: Reals
+    hidden: Reals
+
+    @property
+    def flat(self) -> Reals:
+        """All numbers, in this order."""
+        return np.concatenate((self.displacement, self.velocity, self.hidden))
+
+    def moved(self, step: Reals) -> 'State':
+        """
+        Add to all numbers.
+
+        Parameters
+        ----------
+        step : ndarray
+            In the order of `flat`.
+
+        Returns
+        -------
+        State
+
+        """
+        n = len(self.displacement)
+        return State(
+            self.displacement + step[:n],
+            self.velocity + step[n : 2 * n],
+            self.hidden + step[2 * n :],
+        )
+
+
 class Comparison:
     """
     A record against a model.
@@ -45,8 +89,8 @@ class Comparison:
     model : Model
         Assembled from its machine; all values known.
     record : MeasuredRecord
-    state : tuple of ndarray or None
-        Displacement and velocity at the first sample compared; None: from the first samples.
+    state : State or None
+        At the first sample compared; None: from the first samples.
     noise : ndarray, shape (n_motion_sensors,), or None
         Of one reading [SI]; None: read off the fastest changes.
 
@@ -57,7 +101,7 @@ class Comparison:
         description: Description,
         model: Model,
         record: MeasuredRecord,
-        state: tuple[Reals, Reals] | None = None,
+        state: State | None = None,
         noise: Reals | None = None,
     ) -> None:
         self.description = description
@@ -72,7 +116,11 @@ class Comparison:
             for order, kind in enumerate(MOTION_KINDS)
             if (places := [i for i, one in enumerate(self.sensors) if one.kind is kind])
         ]
-        self.state = state or (prepared.initial_displacement, prepared.initial_velocity)
+        self.state = state or State(
+            prepared.initial_displacement,
+            prepared.initial_velocity,
+            np.zeros(len(model.hidden_columns)),
+        )
         self.measured = _aligned(prepared)
         """Of the sensors of motion, without stated delays, (n_samples, n_sensors) [SI]."""
         self.valid = prepared.weights > 0
@@ -148,10 +196,11 @@ class Comparison:
 
     def _integrated(self) -> NominalMotion:
         prepared = self.prepared
-        displacement, velocity = self.state
+        state = self.state
         simulation = VariedSimulation(
-            self.model, prepared.signals, 1 / self.rate, displacement.copy(), velocity.copy(),
-            start=prepared.first / self.rate, origin=self._origin, sensitive=False,
+            self.model, prepared.signals, 1 / self.rate, state.displacement.copy(),
+            state.velocity.copy(), start=prepared.first / self.rate, origin=self._origin,
+            sensitive=False, hidden=state.hidden.copy(),
         )  # fmt: skip
         total = len(self.measured) + 1
         parts = [

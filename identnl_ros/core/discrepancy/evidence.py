@@ -53,7 +53,7 @@ class Evidence:
         About the nominal motion.
     residual : ndarray, shape (n_sensors, n_lines)
         Complex: what the nominal motion and its defect leave of the readings, by channel.
-    base : ndarray, shape (n_unknowns + 2 * n_coordinates, n_motion_channels, n_lines)
+    base : ndarray, shape (n_unknowns + n_state, n_motion_channels, n_lines)
         Complex, of the channels in which motion shows.
 
     """
@@ -63,7 +63,9 @@ class Evidence:
         self.channels = MotionChannels(comparison.rows, comparison.deviation)
         motion = comparison.motion
         model = comparison.model
-        hidden = hidden_motion(model, motion.displacement, motion.velocity)
+        hidden = hidden_motion(
+            model, motion.displacement, motion.velocity, comparison.state.hidden
+        )
         self.equations: LinearisedEquations = linearise(
             model, motion.displacement, motion.velocity, motion.acceleration, hidden,
             1 / comparison.rate, comparison.time,
@@ -127,11 +129,13 @@ class Evidence:
         interval = 1 / comparison.rate
         n = len(model.coordinates)
         unknowns = TangentResponse(model, interval)
-        columns = 1 + len(model.estimated) + 2 * n
+        first_state = 1 + len(model.estimated)
+        columns = first_state + 2 * n + hidden.shape[1]
         state = np.zeros((3, n, columns))
-        state[0, :, columns - 2 * n : columns - n] = np.eye(n)
-        state[1, :, columns - n :] = np.eye(n)
+        state[0, :, first_state : first_state + n] = np.eye(n)
+        state[1, :, first_state + n : first_state + 2 * n] = np.eye(n)
         inside = np.zeros((2, hidden.shape[1], columns))
+        inside[0, :, first_state + 2 * n :] = np.eye(hidden.shape[1])
         force = comparison.force() @ model.excitation_directions
         size = max(CHUNK // comparison.average, 1) * comparison.average
         parts = []

@@ -87,10 +87,10 @@ def whitening(
         None: no noise of force is stated.
 
     """
-    root = _force_noise(model, layout)
-    if root is None:
+    noise = noise_of_force(model, layout)
+    if not noise.any():
         return None
-    motion = frequency_response(model, rest, frequencies, model.excitation_directions.T @ root)
+    motion = frequency_response(model, rest, frequencies, model.excitation_directions.T * noise)
     rate = 2j * np.pi * frequencies[:, np.newaxis, np.newaxis]
     response = sum((of_motion[order] @ (rate**order * motion)) for order in range(3))
     left, sizes, _ = np.linalg.svd(response, full_matrices=False)
@@ -149,14 +149,26 @@ def spectral_lines(table: NDArray[np.floating]) -> Lines:
     return lines
 
 
-def _force_noise(model: Model, layout: Layout) -> Reals | None:
-    """Find the root of the covariance of the exciters' forces as measured; what is stated only."""
-    exciters = []
+def noise_of_force(model: Model, layout: Layout) -> Reals:
+    """
+    Find the noise of the exciters' forces as measured; what is stated only.
+
+    Parameters
+    ----------
+    model : Model
+    layout : Layout
+
+    Returns
+    -------
+    ndarray, shape (n_excitations,)
+        Standard deviation [N]; 0 where it is not stated.
+
+    """
+    result = []
     for point in model.machine.excitations:
         own = [one.noise for one in layout.sensors if one.excitation == point.name]
         known = np.array([one for one in own if one > 0])
         # The force itself may change from sample to sample: its noise does not show in that.
         stated = len(known) == len(own) > 0
-        exciters.append(float((known**-2.0).sum() ** -0.5) if stated else 0.0)
-    root = np.diag(exciters)
-    return root if root.any() else None
+        result.append(float((known**-2.0).sum() ** -0.5) if stated else 0.0)
+    return np.array(result)

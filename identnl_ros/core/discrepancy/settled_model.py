@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass
 
-from identnl_ros.core.discrepancy.comparison import Comparison
+from identnl_ros.core.discrepancy.comparison import Comparison, State
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.evidence import Evidence, real_rows
 from identnl_ros.core.errors import MachineError
@@ -52,8 +52,8 @@ class SettledModel:
         Mean square of what is left, over that of noise.
     freedom : int
         Degrees of freedom of that.
-    state : tuple of ndarray
-        Displacement and velocity at the first sample compared.
+    state : State
+        At the first sample compared.
 
     """
 
@@ -63,7 +63,7 @@ class SettledModel:
     deviations: Reals
     excess: float
     freedom: int
-    state: tuple[Reals, Reals]
+    state: State
 
     @property
     def cost(self) -> float:
@@ -86,7 +86,7 @@ def settled(
     description: Description,
     model: Model,
     record: MeasuredRecord,
-    state: tuple[Reals, Reals] | None = None,
+    state: State | None = None,
     held: bool = False,
     passes: int = PASSES,
     noise: Reals | None = None,
@@ -100,8 +100,8 @@ def settled(
     model : Model
         Assembled from its machine; its values are the start.
     record : MeasuredRecord
-    state : tuple of ndarray or None
-        Initial displacement and velocity to start from; None: from the first samples.
+    state : State or None
+        Initial state to start from; None: from the first samples.
     held : bool
         The unknowns stay; only the initial state is improved.
     passes : int
@@ -137,12 +137,12 @@ def settled(
             )
         freedom = solved.rows - len(solved.step)
         motion = comparison.motion
-        begin = motion.displacement[0], motion.velocity[0]
-        base = model, begin, solved.step
         earlier = comparison.state
+        begin = State(motion.displacement[0], motion.velocity[0], earlier.hidden)
+        base = model, begin, solved.step
         model, state = _after(*base, held, unseen)
         assert state is not None
-        moved = np.concatenate((state[0] - earlier[0], state[1] - earlier[1]))
+        moved = state.flat - earlier.flat
         change = np.concatenate((solved.step[: -len(moved)], moved)) / solved.spread
         if best is None or solved.left < best.cost:
             best = SettledModel(
@@ -222,17 +222,16 @@ def _solved(comparison: Comparison, held: bool) -> _Solved | None:
 
 def _after(
     model: Model,
-    state: tuple[Reals, Reals] | None,
+    state: State | None,
     step: Reals,
     held: bool,
     unseen: frozenset[str],
-) -> tuple[Model, tuple[Reals, Reals] | None]:
+) -> tuple[Model, State | None]:
     if state is None:
         return model, None
-    n = len(model.coordinates)
-    unknowns = len(step) - 2 * n
+    unknowns = len(model.estimated)
     moved = model if held else _moved(model, step[:unknowns].copy(), unseen)
-    return moved, (state[0] + step[unknowns : unknowns + n], state[1] + step[unknowns + n :])
+    return moved, state.moved(step[unknowns:])
 
 
 def _unseen_parts(model: Model, record: MeasuredRecord) -> frozenset[str]:

@@ -167,7 +167,7 @@ def _force_noise(fit: LikelihoodFit, record: MeasuredRecord, average: int) -> Fo
         force[np.isfinite(force).all(axis=1)],
         covariance,
         record.sample_rate,
-        (displacement, velocity),
+        (displacement, velocity, np.zeros(0)),
         average,
     )
 

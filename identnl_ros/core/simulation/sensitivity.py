@@ -101,8 +101,8 @@ class VariedSimulation:
         self._variation = np.zeros((2 * n, unknowns + 2 * n))
         self._variation[:, unknowns:] = np.eye(2 * n)
         self._hidden_variation = np.zeros((len(self.hidden), unknowns + 2 * n))
-        state = (np.zeros((1, n)) + one for one in (self.displacement, self.velocity))
-        self.steps = max(self.steps, self._steps_for(*state))
+        place, rate = (np.zeros((1, n)) + one for one in (self.displacement, self.velocity))
+        self.steps = max(self.steps, self._steps_for(place, rate, self.hidden[np.newaxis]))
 
     def advance(self, count: int) -> MotionVariation:
         """
@@ -130,7 +130,7 @@ class VariedSimulation:
                 *self._equations,
             )  # fmt: skip
             self._require_bounded(stages[0])
-            needed = self._steps_for(*(stage[:: self.steps, 0] for stage in stages[:2]))
+            needed = self._steps_for(*(stage[:: self.steps, 0] for stage in (*stages[:2], hidden)))
             if needed <= self.steps:
                 break
             self.steps = needed
@@ -189,9 +189,12 @@ class VariedSimulation:
         return forces
 
     def _steps_for(
-        self, displacements: NDArray[np.float64], velocities: NDArray[np.float64]
+        self,
+        displacements: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+        hidden: NDArray[np.float64],
     ) -> int:
-        fastest = fastest_rate(self.model, displacements, self.interval, velocities)
+        fastest = fastest_rate(self.model, displacements, self.interval, velocities, hidden)
         steps = self.interval * fastest / self.step_limit
         if steps > LARGEST_STEPS:
             raise MachineError(

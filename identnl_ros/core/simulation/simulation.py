@@ -42,6 +42,7 @@ def steps_per_sample(
     displacements: NDArray[np.float64],
     interval: float,
     velocities: NDArray[np.float64] | None = None,
+    hidden: NDArray[np.float64] | None = None,
 ) -> int:
     """
     Choose how many integration steps fit the machine's fastest motion.
@@ -55,13 +56,15 @@ def steps_per_sample(
         Between samples [s].
     velocities : ndarray, shape (n_states, n_coordinates), or None
         Of the same states, at samples in time order; None: the machine rests.
+    hidden : ndarray, shape (n_states, n_hidden), or None
+        Hysteretic states there; None: they may have been at their limits.
 
     Returns
     -------
     int
 
     """
-    fastest = fastest_rate(model, displacements, interval, velocities)
+    fastest = fastest_rate(model, displacements, interval, velocities, hidden)
     return max(1, int(np.ceil(interval * fastest / STEP_LIMIT)))
 
 
@@ -70,13 +73,14 @@ def fastest_rate(
     displacements: NDArray[np.float64],
     interval: float,
     velocities: NDArray[np.float64] | None = None,
+    hidden: NDArray[np.float64] | None = None,
 ) -> float:
     """
     Find the fastest motion that integration steps have to resolve.
 
     Parameters
     ----------
-    model, displacements, interval, velocities
+    model, displacements, interval, velocities, hidden
         As in `steps_per_sample`.
 
     Returns
@@ -88,11 +92,12 @@ def fastest_rate(
     if velocities is not None:
         finite = np.isfinite(velocities).all(axis=1)
         displacements, velocities = displacements[finite], velocities[finite]
+        hidden = None if hidden is None else hidden[finite]
     matrix = stiffest_state_matrix(model, displacements, velocities)
     fastest = float(np.abs(np.linalg.eigvals(matrix)).max())
     if velocities is None:
         return fastest
-    return max(fastest, sharpest_rate(model, displacements, velocities, interval))
+    return max(fastest, sharpest_rate(model, displacements, velocities, interval, hidden))
 
 
 @dataclass
@@ -160,7 +165,8 @@ class Simulation:
             # then. With far too large ones the integration itself breaks down.
             passed = displacement[: max(bounded, 1)]
             rates = velocity[: max(bounded, 1)]
-            needed = steps_per_sample(self.model, passed, self.interval, rates)
+            inside = hidden[: max(bounded, 1)]
+            needed = steps_per_sample(self.model, passed, self.interval, rates, inside)
             if needed <= self.steps:
                 break
             self.steps = needed if bounded > count else min(needed, 4 * self.steps)

@@ -61,7 +61,7 @@ class TangentResponse:
         columns = self._unknowns + 2 * n + (count if hidden_start else 0)
         self._state = np.zeros((3, n, columns))
         self._state[0, :, self._unknowns : self._unknowns + n] = np.eye(n)
-        self._state[1, :, self._unknowns + n :] = np.eye(n)
+        self._state[1, :, self._unknowns + n : self._unknowns + 2 * n] = np.eye(n)
         self._hidden: Reals | None = None
         self._inside = np.zeros((2, count, columns))
         if hidden_start:

@@ -129,6 +129,27 @@ def test_response_takes_hysteretic_states_that_are_given():
     np.testing.assert_allclose(results[0], results[1], atol=2e-3 * np.abs(results[1]).max())
 
 
+def test_response_to_the_initial_hysteretic_state_is_that_of_simulations_nearby():
+    model = model_of('hysteresis')
+    change = 1e-8
+    run, *nearby = (
+        run_of(model, 40, False, hidden=np.array([2e-6 + shift])) for shift in (0, change, -change)
+    )
+    varied, high, low = (one.advance(151) for one in (run, *nearby))
+    motion = varied.motion
+    response = TangentResponse(model, INTERVAL, hidden_start=True)
+    found = response.advance(motion[:, 0], motion[:, 1], motion[:, 2], hidden=varied.hidden)
+    usual = TangentResponse(model, INTERVAL)
+    same = usual.advance(motion[:, 0], motion[:, 1], motion[:, 2], hidden=varied.hidden)
+    np.testing.assert_array_equal(found[..., :-1], same)
+    for order, limit in enumerate((0.02, 0.05, 0.1)):
+        expected = (high.motion - low.motion)[:150, order, 0] / (2 * change)
+        error = np.sqrt(np.mean((found[:, order, 0, -1] - expected) ** 2))
+        assert error < limit * np.sqrt(np.mean(expected**2))
+    last = (high.hidden - low.hidden)[-1] / (2 * change)
+    np.testing.assert_allclose(response.present_hidden[:, -1], last, atol=0.02)
+
+
 @pytest.mark.parametrize('name', CASES)
 def test_force_derivatives_are_those_of_the_joint_force(name):
     model = model_of(name)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction, quadratic damping, backlash, gaps, hysteresis: simulation against independent ones."""
 
+from dataclasses import replace
+
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.elements import Element
@@ -63,6 +65,19 @@ def test_simulation_follows_an_independent_integrator(name):
     if name == 'hysteresis':
         assert np.abs(expected[:, 2]).max() > 0.9 * 5e-6  # the loop comes near its limit
         assert abs(run.hidden[0]) <= 5e-6
+
+
+@pytest.mark.parametrize(
+    ('name', 'coefficient', 'steps'), [('quadratic_damping', 2e7, 30), ('hysteresis', 4e7, 30)]
+)
+def test_steep_elements_take_no_more_steps_than_they_need(name, coefficient, steps):
+    # Of the hysteretic one the state stays far below its limit.
+    case = replace(CASES[name], coefficient=coefficient)
+    displacement, velocity, run = simulated(case.model(), SIGNAL, 200)
+    assert run.steps < steps
+    expected = independent(case, SIGNAL, 200)
+    for found, column in zip((displacement, velocity), expected.T, strict=False):
+        np.testing.assert_allclose(found, column, atol=5e-6 * np.abs(column).max())
 
 
 @pytest.mark.parametrize('name', CASES)

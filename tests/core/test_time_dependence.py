@@ -228,6 +228,24 @@ def test_noisy_data_give_estimates_within_their_standard_errors():
     assert (deviations_of(estimate) < 0.05 * np.abs(expected)).all()
 
 
+@pytest.mark.parametrize('memory', [None, 1.0])
+def test_weak_estimator_finds_them_along_a_stream(memory):
+    truth = model_of(unknown, spring=unknown(STIFFNESS))
+    layout = line_layout(kinds=(D, A), noise={F: 0.0, D: 1e-8, A: 1e-3})
+    samples = SimulatedStand(truth, layout, (SIGNAL,), 1 / INTERVAL, 1, 1).read(3000).samples
+    samples[1400:1500] = np.nan
+    expected = truth.values[list(truth.estimated)]
+    start = truth.with_unknowns(np.array([np.nan, np.nan, 1.0003 * FREQUENCY, np.nan, np.nan]))
+    identifier = identifier_for(start, 'weak', memory)
+    for motion in motion_of(truth, layout, blocks_of(samples, 1 / INTERVAL, (900, 900))):
+        identifier.add(motion)
+    estimate = identifier.estimate()
+    assert {one.status for one in estimate.parameters} == {EstimateStatus.OK}
+    errors = (values_of(estimate) - expected) / deviations_of(estimate)
+    assert (np.abs(errors) < 4).all(), errors
+    assert (deviations_of(estimate) < 0.05 * np.abs(expected)).all()
+
+
 def test_rough_start_knows_the_time():
     truth = model_of(unknown, spring=unknown(STIFFNESS))
     layout = line_layout(kinds=(D, A), noise={F: 0.0, D: 1e-9, A: 1e-4})
@@ -260,10 +278,9 @@ def test_what_does_not_know_the_time_says_so():
         ForceDerivatives(model).of_motion(still, still, still)
     with pytest.raises(MachineError, match='time, which is not known'):
         model.joint_force(still, still)
-    for estimator in ('pointwise', 'weak'):
-        drifting = model_of(unknown, periodic=False)
-        with pytest.raises(MachineError, match=f'{estimator} .*; use the likelihood estimator'):
-            identifier_for(drifting, estimator)
+    drifting = model_of(unknown, periodic=False)
+    with pytest.raises(MachineError, match=r'pointwise .*; use weak or likelihood'):
+        identifier_for(drifting, 'pointwise')
 
 
 def test_frequency_must_be_positive():

@@ -65,7 +65,7 @@ def force_noise_effect(
     force: Reals,
     force_covariance: Reals,
     sample_rate: float,
-    state: tuple[Reals, Reals],
+    state: tuple[Reals, Reals, Reals],
     average: int,
     start: float = 0.0,
 ) -> ForceNoise:
@@ -86,7 +86,8 @@ def force_noise_effect(
     sample_rate : float
         [Hz].
     state : tuple of ndarray
-        Displacement and velocity at the first sample.
+        Displacement, velocity and hysteretic states at the first sample; where none of the latter
+        are given, they are known to be zero.
     average : int
         Samples over which residuals are averaged.
     start : float
@@ -110,21 +111,26 @@ def force_noise_effect(
     root = size.eigenvectors * np.sqrt(np.maximum(size.eigenvalues, 0.0))
     signals = tuple(RecordedForce(one, sample_rate) for one in force.T)
     simulation = VariedSimulation(
-        model, signals, 1 / sample_rate, *state, sensitive=False, origin=start
+        model, signals, 1 / sample_rate, *state[:2], hidden=state[2], sensitive=False,
+        origin=start,
+    )  # fmt: skip
+    response = TangentResponse(
+        model, 1 / sample_rate, DRAWS, start, hidden_start=len(state[2]) > 0
     )
-    response = TangentResponse(model, 1 / sample_rate, DRAWS, start)
-    columns = unknowns + 2 * len(model.coordinates)
+    columns = unknowns + 2 * len(model.coordinates) + len(state[2])
     information = Information.empty(columns + DRAWS - 1)
     last = np.zeros((1, len(model.coordinates), DRAWS))
     squares = count = 0.0
     for _ in range(len(force) // CHUNK):
-        motion = simulation.advance(CHUNK).motion
+        varied = simulation.advance(CHUNK)
+        motion = varied.motion
         following = np.stack((simulation.displacement, simulation.velocity, motion[-1, 2]))
         whole = np.concatenate((motion, following[np.newaxis]))
         noise = root @ generator.standard_normal((CHUNK, len(root), DRAWS))
         disturbance = np.concatenate((last, model.excitation_directions.T @ noise))
         last = disturbance[-1:]
-        derivatives = response.advance(whole[:, 0], whole[:, 1], whole[:, 2], disturbance)
+        hidden = np.vstack((varied.hidden, simulation.hidden))
+        derivatives = response.advance(whole[:, 0], whole[:, 1], whole[:, 2], disturbance, hidden)
         white = np.concatenate([one @ derivatives[:, kind] for kind, one in whitening], axis=1)
         drawn = white[:, :, unknowns : unknowns + DRAWS]
         fitted = np.concatenate((white[:, :, :unknowns], white[:, :, unknowns + DRAWS :]), axis=2)

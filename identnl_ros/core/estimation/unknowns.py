@@ -52,7 +52,7 @@ def require_no_time(model: Model, estimator: str) -> None:
     if model.time_dependent:
         raise MachineError(
             f'machine {model.machine.name}: it has a periodic force or a stiffness that drifts, '
-            f'which the {estimator} estimator does not take; use the likelihood estimator'
+            f'which the {estimator} estimator does not take; use weak or likelihood'
         )
 
 

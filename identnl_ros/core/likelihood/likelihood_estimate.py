@@ -38,8 +38,8 @@ def likelihood_estimate(
     Parameters
     ----------
     model : Model
-        Where the sensors see every motion of the bodies and no force depends on time, unknown
-        coefficients need no value; else the search starts from the values given here.
+        Where the sensors see every motion of the bodies, unknown coefficients need no value;
+        else the search starts from the values given here.
     records : sequence of MeasuredRecord
     sensor_unknowns : tuple of SensorUnknown
         Offsets, gains and delays to be estimated too.
@@ -56,8 +56,7 @@ def likelihood_estimate(
 
     """
     require_unknowns(model)
-    # The weak estimator does not take forces that depend on time.
-    start = None if model.time_dependent else _weak_start(model, records)
+    start = _weak_start(model, records)
     settings = LikelihoodSettings(pieces=start is None, keep_residuals=True)
     fit = fit_likelihood(start or model, records, sensor_unknowns, settings)
     return _judged(fit, records, sensor_unknowns)
@@ -176,7 +175,7 @@ def _force_noise(fit: LikelihoodFit, record: MeasuredRecord, average: int) -> Fo
         force[np.isfinite(force).all(axis=1)],
         covariance,
         record.sample_rate,
-        (displacement, velocity),
+        (displacement, velocity, np.zeros(0)),
         average,
         (record.first_index + first) / record.sample_rate,
     )

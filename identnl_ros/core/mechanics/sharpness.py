@@ -11,11 +11,13 @@ Reals = NDArray[np.float64]
 
 # What the passage of a bend counts as, compared with an eigenvalue of the machine. The step of
 # friction is smooth: few integration steps resolve it. A kink is not: the error of a step across
-# it is of second order only, and so is that of a hysteretic state where it turns; that of
-# quadratic damping at its turn is of third.
+# it is of second order only, and so is that of a hysteretic state where it turns. That of
+# quadratic damping at its turn is of third, and small beside that of steep damping where the rate
+# changes slowly.
 TRANSITION_SHARE = 0.15
 KINK_SHARE = 30.0
-TURN_SHARE = 10.0
+TURN_SHARE = 8.0
+STEEP_SHARE = 10.0
 
 
 def sharpest_rate(
@@ -23,6 +25,7 @@ def sharpest_rate(
     displacements: Reals,
     velocities: Reals,
     interval: float,
+    hidden: Reals | None = None,
 ) -> float:
     """
     Evaluate the rate that integration steps have to keep up with beside the eigenvalues.
@@ -35,6 +38,8 @@ def sharpest_rate(
         States passed, in time order.
     interval : float
         Between the states [s].
+    hidden : ndarray, shape (n_states, n_hidden), or None
+        Hysteretic states passed; None: they may have been at their limits.
 
     Returns
     -------
@@ -43,13 +48,18 @@ def sharpest_rate(
 
     """
     inverse_mass = 1 / model.mass_diagonal()
+    columns = model.hidden_columns
     rates = [0.0]
-    for term in model.terms:
+    for index, term in enumerate(model.terms):
         if term.law.kind not in _RATES:
             continue
         line = model.lines[term.line]
         coefficient = abs(model.parameters[term.parameter].value * term.factor)
         pull = float(coefficient * (line**2 @ inverse_mass))
+        if index in columns and hidden is not None:
+            # The slope bends at a turn by as much as it has faded.
+            largest = np.abs(hidden[:, columns[index]]).max(initial=0.0)
+            pull *= min(1.0, float(largest / term.law.limit)) ** term.law.exponent
         rates.append(
             _RATES[term.law.kind](term, displacements @ line, velocities @ line, interval, pull)
         )
@@ -84,8 +94,15 @@ def _hysteresis(
 
 
 def _quadratic(term: Term, deformation: Reals, rate: Reals, interval: float, pull: float) -> float:
-    """Return the steepest damping, relative to the mass."""
-    return TURN_SHARE * 2 * pull * float(np.abs(rate).max(initial=0.0))
+    """Return the rate of the turn, or the steepest damping over the mass if that is less."""
+    fastest = float(np.abs(rate).max(initial=0.0))
+    if fastest == 0.0:
+        return 0.0
+    acceleration = float(np.abs(np.diff(rate)).max(initial=0.0)) / interval
+    # Damping times step times the square of how far the rate changes in a step: what an
+    # integration step across the turn leaves, relative to the rate.
+    turn = np.cbrt(pull * acceleration**2 / fastest)
+    return float(min(TURN_SHARE * turn, STEEP_SHARE * 2 * pull * fastest))
 
 
 _RATES = {

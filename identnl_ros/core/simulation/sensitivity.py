@@ -107,8 +107,8 @@ class VariedSimulation:
         self._variation = np.zeros((2 * n, unknowns + 2 * n))
         self._variation[:, unknowns:] = np.eye(2 * n)
         self._hidden_variation = np.zeros((len(self.hidden), unknowns + 2 * n))
-        state = (np.zeros((1, n)) + one for one in (self.displacement, self.velocity))
-        self.steps = max(self.steps, self._steps_for(0, *state))
+        place, rate = (np.zeros((1, n)) + one for one in (self.displacement, self.velocity))
+        self.steps = max(self.steps, self._steps_for(0, place, rate, self.hidden[np.newaxis]))
 
     def advance(self, count: int) -> MotionVariation:
         """
@@ -136,7 +136,7 @@ class VariedSimulation:
                 self.displacement, self.velocity, self.hidden, step, inputs, *self._equations
             )
             self._require_bounded(stages[0])
-            passed = (stage[:: self.steps, 0] for stage in stages[:2])
+            passed = (stage[:: self.steps, 0] for stage in (*stages[:2], hidden))
             needed = self._steps_for(count, *passed)
             if needed <= self.steps:
                 break
@@ -201,11 +201,15 @@ class VariedSimulation:
         return inputs
 
     def _steps_for(
-        self, ahead: int, displacements: NDArray[np.float64], velocities: NDArray[np.float64]
+        self,
+        ahead: int,
+        displacements: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+        hidden: NDArray[np.float64],
     ) -> int:
         """Find the steps for states that were passed up to a number of samples ahead."""
         time = self.origin + self.start + (self._index + ahead) * self.interval
-        fastest = fastest_rate(self.model, displacements, self.interval, velocities, time)
+        fastest = fastest_rate(self.model, displacements, self.interval, velocities, time, hidden)
         steps = self.interval * fastest / self.step_limit
         if steps > LARGEST_STEPS:
             raise MachineError(

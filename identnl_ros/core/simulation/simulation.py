@@ -44,6 +44,7 @@ def steps_per_sample(
     interval: float,
     velocities: NDArray[np.float64] | None = None,
     time: float = 0.0,
+    hidden: NDArray[np.float64] | None = None,
 ) -> int:
     """
     Choose how many integration steps fit the machine's fastest motion.
@@ -59,13 +60,15 @@ def steps_per_sample(
         Of the same states, at samples in time order; None: the machine rests.
     time : float
         Of the last state, since the begin of the stream [s].
+    hidden : ndarray, shape (n_states, n_hidden), or None
+        Hysteretic states there; None: they may have been at their limits.
 
     Returns
     -------
     int
 
     """
-    fastest = fastest_rate(model, displacements, interval, velocities, time)
+    fastest = fastest_rate(model, displacements, interval, velocities, time, hidden)
     return max(1, int(np.ceil(interval * fastest / STEP_LIMIT)))
 
 
@@ -75,13 +78,14 @@ def fastest_rate(
     interval: float,
     velocities: NDArray[np.float64] | None = None,
     time: float = 0.0,
+    hidden: NDArray[np.float64] | None = None,
 ) -> float:
     """
     Find the fastest motion that integration steps have to resolve.
 
     Parameters
     ----------
-    model, displacements, interval, velocities, time
+    model, displacements, interval, velocities, time, hidden
         As in `steps_per_sample`.
 
     Returns
@@ -93,11 +97,12 @@ def fastest_rate(
     if velocities is not None:
         finite = np.isfinite(velocities).all(axis=1)
         displacements, velocities = displacements[finite], velocities[finite]
+        hidden = None if hidden is None else hidden[finite]
     matrix = stiffest_state_matrix(model, displacements, velocities, time)
     fastest = float(np.abs(np.linalg.eigvals(matrix)).max())
     if velocities is None:
         return fastest
-    return max(fastest, sharpest_rate(model, displacements, velocities, interval))
+    return max(fastest, sharpest_rate(model, displacements, velocities, interval, hidden))
 
 
 @dataclass
@@ -167,7 +172,8 @@ class Simulation:
             passed = displacement[: max(bounded, 1)]
             rates = velocity[: max(bounded, 1)]
             end = start + count * self.interval
-            needed = steps_per_sample(self.model, passed, self.interval, rates, end)
+            inside = hidden[: max(bounded, 1)]
+            needed = steps_per_sample(self.model, passed, self.interval, rates, end, inside)
             if needed <= self.steps:
                 break
             self.steps = needed if bounded > count else min(needed, 4 * self.steps)

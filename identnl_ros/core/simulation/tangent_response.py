@@ -149,7 +149,7 @@ class TangentResponse:
     Derivatives of a motion, advanced along with it.
 
     Columns: the unknowns in the order of `Model.estimated`, disturbances, then the initial
-    displacements and the initial velocities.
+    displacements, the initial velocities and, if wanted, the initial hysteretic states.
 
     Parameters
     ----------
@@ -161,6 +161,8 @@ class TangentResponse:
         Further forces whose response is wanted.
     start : float
         Time of the first sample since the begin of the stream [s].
+    hidden_start : bool
+        The response to the initial hysteretic states is wanted too.
 
     Attributes
     ----------
@@ -171,18 +173,26 @@ class TangentResponse:
     """
 
     def __init__(
-        self, model: Model, interval: float, disturbances: int = 0, start: float = 0.0
+        self,
+        model: Model,
+        interval: float,
+        disturbances: int = 0,
+        start: float = 0.0,
+        hidden_start: bool = False,
     ) -> None:
         self._interval = interval
         self.time = start
         n = len(model.coordinates)
         self._unknowns = len(model.estimated) + disturbances
-        columns = self._unknowns + 2 * n
+        count = len(model.hidden_columns)
+        columns = self._unknowns + 2 * n + (count if hidden_start else 0)
         self._state = np.zeros((3, n, columns))
         self._state[0, :, self._unknowns : self._unknowns + n] = np.eye(n)
-        self._state[1, :, self._unknowns + n :] = np.eye(n)
+        self._state[1, :, self._unknowns + n : self._unknowns + 2 * n] = np.eye(n)
         self._hidden: Reals | None = None
-        self._inside = np.zeros((2, len(model.hidden_columns), columns))
+        self._inside = np.zeros((2, count, columns))
+        if hidden_start:
+            self._inside[0, :, self._unknowns + 2 * n :] = np.eye(count)
         self.use(model)
 
     def use(self, model: Model) -> None:

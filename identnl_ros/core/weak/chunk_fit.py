@@ -129,6 +129,7 @@ class _Chunk:
 
     def _at(self, difference: Reals, share: float) -> '_Point':
         """Simulate the samples at other values than those known."""
+        difference = self.known.feasible(difference)
         fit = self.known.begun_at(difference)
         deviation = fit.advance(self.record, self.first, self.end)
         known = self.known.information.shifted(difference).discounted(share)

@@ -18,6 +18,7 @@ from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.motion_record import MotionRecord
 from identnl_ros.core.measurement.motion_weights import MotionWeights
 from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.simulation.equations import initial_hidden
 from identnl_ros.core.simulation.excitation import RecordedForce
 from identnl_ros.core.simulation.sensitivity import STEP_LIMIT, VariedSimulation
 from identnl_ros.core.simulation.simulation import STEP_LIMIT as EXACT_STEP_LIMIT
@@ -26,6 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
+# Displacement, velocity, hysteretic states; none of the latter where they are not known.
+State = tuple[Reals, Reals, Reals]
 
 # Samples of force around a part beyond which they do not matter to its interpolation.
 FORCE_MARGIN = 40
@@ -34,6 +37,9 @@ LARGEST_DERIVATIVE = 1e60
 # A state that is carried on may be uncertain by this much more, in standard errors of its parts:
 # far less than what any data can tell, and far more than rounding.
 CARRIED_ERROR = 1e-5
+# A state at the limit of hysteresis is as often estimated a little above it as below. It may be
+# where loading fades this many times as fast as at the limit.
+BEYOND = 2.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +51,7 @@ class Deviation:
     ----------
     values : ndarray, shape (n_samples, n_channels)
         NaN where there is no valid measurement.
-    derivatives : ndarray, shape (n_samples, n_channels, n_unknowns + 2 n_coordinates)
+    derivatives : ndarray, shape (n_samples, n_channels, n_unknowns + n_states)
         Of the simulated motion by the unknowns and the initial state.
 
     """
@@ -59,7 +65,7 @@ class Deviation:
 
         Parameters
         ----------
-        difference : ndarray, shape (n_unknowns + 2 n_coordinates,)
+        difference : ndarray, shape (n_unknowns + n_states,)
 
         Returns
         -------
@@ -80,8 +86,8 @@ class ResponseFit:
     weights : MotionWeights
     sample_rate : float
         [Hz].
-    displacement, velocity : ndarray, shape (n_coordinates,)
-        State of the simulation at the first sample.
+    state : tuple of ndarray
+        Of the simulation at the first sample; hysteretic states are zero where none are given.
 
     """
 
@@ -90,18 +96,18 @@ class ResponseFit:
         model: Model,
         weights: MotionWeights,
         sample_rate: float,
-        displacement: Reals,
-        velocity: Reals,
+        state: State,
     ) -> None:
         self.model = model
         self._weights = weights
         self._rate = sample_rate
-        self._state = self.initial_state = displacement, velocity
-        self._response = TangentResponse(model, 1 / sample_rate)
+        self._state = self.initial_state = *state[:2], initial_hidden(model, state[2])
+        self._response = TangentResponse(model, 1 / sample_rate, hidden_start=True)
         self._limit = EXACT_STEP_LIMIT if weights.quiet else STEP_LIMIT
-        n = len(model.coordinates)
-        # About differences from the present values: unknowns, initial displacement and velocity.
-        self.information = Information.empty(len(model.estimated) + 2 * n)
+        laws = [model.terms[i].law for i in model.hidden_columns]
+        self._farthest = np.array([BEYOND ** (1 / law.exponent) * law.limit for law in laws])
+        # About differences from the present values: unknowns, then the initial state.
+        self.information = Information.empty(len(model.estimated) + sum(map(len, self._state)))
 
     @property
     def values(self) -> Reals:
@@ -139,16 +145,21 @@ class ResponseFit:
             self.model,
             tuple(RecordedForce(force, self._rate) for force in record.force[low:high].T),
             1 / self._rate,
-            *self._state,
+            *self._state[:2],
             start=(first - low) / self._rate,
             step_limit=self._limit,
             sensitive=False,
+            hidden=self._state[2],
+            origin=float(record.time[low]),
         )
-        motion = simulation.advance(end - first).motion
-        self._state = simulation.displacement, simulation.velocity
-        following = np.stack((*self._state, motion[-1, 2]))
+        varied = simulation.advance(end - first)
+        motion = varied.motion
+        self._state = simulation.displacement, simulation.velocity, simulation.hidden
+        following = np.stack((*self._state[:2], motion[-1, 2]))
         whole = np.concatenate((motion, following[np.newaxis]))
-        derivatives = self._response.advance(whole[:, 0], whole[:, 1], whole[:, 2])
+        hidden = np.vstack((varied.hidden, simulation.hidden))
+        self._response.time = float(record.time[first])
+        derivatives = self._response.advance(whole[:, 0], whole[:, 1], whole[:, 2], hidden=hidden)
         if not np.abs(derivatives).max(initial=0.0) < LARGEST_DERIVATIVE:
             raise MachineError(
                 f'machine {self.model.machine.name}: a small change of the unknowns grows without '
@@ -187,14 +198,14 @@ class ResponseFit:
         known = joined(self.information, earlier)
         size, unknowns = known.size, len(self.model.estimated)
         # New state = effect of the unknowns and of the old state + an error next to nothing.
-        effect = np.concatenate(tuple(self._response.present))
+        effect = self._effect
         variance = np.einsum('ij,jk,ik->i', effect, known.solve().inverse, effect)
         error = CARRIED_ERROR * np.sqrt(np.where(variance > 0, variance, 1.0))
         rows = np.column_stack((-effect, np.eye(len(effect)))) / error[:, np.newaxis]
         empty = Information.empty(size + len(effect))
         whole = joined(empty, known).with_rows(rows, np.zeros(len(effect)))
         kept = [*range(unknowns), *range(size, whole.size)]
-        following = ResponseFit(self.model, self._weights, self._rate, *self._state)
+        following = ResponseFit(self.model, self._weights, self._rate, self._state)
         following.information = whole.marginalised(kept)
         return following
 
@@ -204,7 +215,7 @@ class ResponseFit:
 
         Parameters
         ----------
-        difference : ndarray, shape (n_unknowns + 2 n_coordinates,)
+        difference : ndarray, shape (n_unknowns + n_states,)
             From the present ones; this fit has not taken any samples yet.
 
         Returns
@@ -217,7 +228,7 @@ class ResponseFit:
             If a number leaves its range.
 
         """
-        other = ResponseFit(self.model, self._weights, self._rate, *self._state)
+        other = ResponseFit(self.model, self._weights, self._rate, self._state)
         other.move(difference)
         return other
 
@@ -231,7 +242,7 @@ class ResponseFit:
 
         Returns
         -------
-        ndarray, shape (n_unknowns + 2 n_coordinates,)
+        ndarray, shape (n_unknowns + n_states,)
 
         """
         count = len(unknowns)
@@ -241,7 +252,40 @@ class ResponseFit:
         lengths = np.linalg.norm(states, axis=0)
         lengths[lengths == 0] = 1.0
         state = np.linalg.lstsq(states / lengths, target, rcond=1e-11)[0] / lengths
-        return np.concatenate((unknowns, state))
+        return self.feasible(np.concatenate((unknowns, state)))
+
+    def feasible(self, difference: Reals) -> Reals:
+        """
+        Keep initial hysteretic states near their range, where they can be simulated.
+
+        Parameters
+        ----------
+        difference : ndarray, shape (n_unknowns + n_states,)
+
+        Returns
+        -------
+        ndarray, the same shape
+
+        """
+        hidden = self.initial_state[2]
+        first = len(difference) - len(hidden)
+        moved = np.clip(hidden + difference[first:], -self._farthest, self._farthest)
+        return np.concatenate((difference[:first], moved - hidden))
+
+    def moved_start(self, difference: Reals) -> State:
+        """
+        Evaluate another initial state.
+
+        Parameters
+        ----------
+        difference : ndarray, shape (n_unknowns + n_states,)
+
+        Returns
+        -------
+        tuple of ndarray
+
+        """
+        return self._moved(self.initial_state, difference[len(self.model.estimated) :])
 
     def move(self, difference: Reals) -> None:
         """
@@ -249,7 +293,7 @@ class ResponseFit:
 
         Parameters
         ----------
-        difference : ndarray, shape (n_unknowns + 2 n_coordinates,)
+        difference : ndarray, shape (n_unknowns + n_states,)
             Of the unknowns and the initial state, from the present ones.
 
         Raises
@@ -262,15 +306,20 @@ class ResponseFit:
         values = self.model.values
         values[list(self.model.estimated)] += difference[:unknowns]
         self.model = self.model.with_values(values)
-        n = len(self._state[0])
-        self.initial_state = (
-            self.initial_state[0] + difference[-2 * n : -n],
-            self.initial_state[1] + difference[-n:],
-        )
-        changes = self._response.present @ difference
-        self._state = self._state[0] + changes[0], self._state[1] + changes[1]
+        self.initial_state = self.moved_start(difference)
+        self._state = self._moved(self._state, self._effect @ difference)
         self._response.use(self.model)
         self.information = self.information.shifted(difference)
+
+    @property
+    def _effect(self) -> Reals:
+        """Derivatives of the present state, shape (n_states, n_unknowns + n_states)."""
+        return np.concatenate((*self._response.present, self._response.present_hidden))
+
+    def _moved(self, state: State, change: Reals) -> State:
+        n = len(state[0])
+        hidden = np.clip(state[2] + change[2 * n :], -self._farthest, self._farthest)
+        return state[0] + change[:n], state[1] + change[n : 2 * n], hidden
 
 
 def joined(information: Information, other: Information) -> Information:

@@ -12,14 +12,12 @@ from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
 from identnl_ros.core.measurement.motion_record import MotionRecord
 from identnl_ros.core.measurement.motion_weights import MotionWeights
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.weak.response_fit import FORCE_MARGIN, ResponseFit
+from identnl_ros.core.weak.response_fit import FORCE_MARGIN, ResponseFit, State
 from identnl_ros.core.weak.weighting_function import WeightingFunction
 import numpy as np
 from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
-# Displacement and velocity.
-State = tuple[Reals, Reals]
 
 # Samples that are simulated and factored at a time.
 CHUNK = 512
@@ -107,17 +105,20 @@ class WeighedRecord:
         Returns
         -------
         displacement, velocity : ndarray, shape (n_coordinates,)
+        hidden : ndarray, shape (0,)
+            Hysteretic states are not known.
 
         """
+        unknown = np.zeros(0)
         table = self.record.displacement[: 2 * self.first + 1]
         valid = np.isfinite(table).all(axis=1)
         if not valid.any():
-            return np.zeros(table.shape[1]), np.zeros(table.shape[1])
+            return np.zeros(table.shape[1]), np.zeros(table.shape[1]), unknown
         time = np.arange(len(table)) / self.first - 1
         powers = np.vander(time[valid], min(DEGREE + 1, int(valid.sum())), increasing=True)
         terms = np.linalg.lstsq(powers, table[valid], rcond=None)[0]
         velocity = terms[1] if len(terms) > 1 else np.zeros(table.shape[1])
-        return terms[0], velocity * self.record.sample_rate / self.first
+        return terms[0], velocity * self.record.sample_rate / self.first, unknown
 
 
 @dataclass
@@ -151,7 +152,6 @@ class _Point:
     """Values of the unknowns and initial states, and what a pass there has shown."""
 
     model: Model
-    states: list[State]
     fits: list[ResponseFit]
     statistics: ResidualStatistics
     cost: float
@@ -174,7 +174,7 @@ def search(
     model : Model
         Values to start from.
     records : sequence of WeighedRecord
-    states : sequence of (displacement, velocity)
+    states : sequence of tuple of ndarray
         Initial state of every record to start from.
     memory : float or None
         Time after which what was learned counts 1/e as much [s]; None: nothing is forgotten.
@@ -297,7 +297,7 @@ class _Task:
         statistics = statistics_for(self.records[0])
         fits: list[ResponseFit] = []
         for one, state in zip(self.records, states, strict=True):
-            fit = ResponseFit(model, one.weights, one.record.sample_rate, *state)
+            fit = ResponseFit(model, one.weights, one.record.sample_rate, state)
             statistics.restart()
             fits.append(fit)
             for first in range(one.first, one.end, CHUNK):
@@ -316,7 +316,7 @@ class _Task:
             prior = self.prior.shifted(model.values[unknowns] - self.start.values[unknowns])
             cost += float((prior.factor[:, -1] ** 2).sum())
             total = total.merged(prior)
-        return _Point(model, states, fits, statistics, cost, total.solve())
+        return _Point(model, fits, statistics, cost, total.solve())
 
 
 def remembered(memory: float | None, samples: int, sample_rate: float) -> float:
@@ -387,13 +387,11 @@ def _improved(point: _Point, task: _Task, passes: int) -> tuple[_Point | None, i
     share = 1.0
     tried = 0
     unknowns = list(point.model.estimated)
-    n = len(point.model.coordinates)
     while tried < min(HALVINGS, passes):
         values = point.model.values
         values[unknowns] += share * point.solution.values
         states = [
-            (displacement + share * step[-2 * n : -n], velocity + share * step[-n:])
-            for (displacement, velocity), step in zip(point.states, steps, strict=True)
+            fit.moved_start(share * step) for fit, step in zip(point.fits, steps, strict=True)
         ]
         tried += 1
         try:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 
 from identnl_ros.core.measurement.motion_record import MotionRecord
 from identnl_ros.core.measurement.motion_weights import MotionWeights
-from identnl_ros.core.weak.response_fit import FORCE_MARGIN, ResponseFit
-from identnl_ros.core.weak.response_search import CHUNK, State, WeighedRecord
+from identnl_ros.core.weak.response_fit import FORCE_MARGIN, ResponseFit, State
+from identnl_ros.core.weak.response_search import CHUNK, WeighedRecord
 from identnl_ros.core.weak.weighting_function import bandwidth, weighting_function_for
 import numpy as np
 from numpy.typing import NDArray

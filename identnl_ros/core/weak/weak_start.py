@@ -6,7 +6,9 @@ Weak-form least squares: estimates from the measured motion alone, to start bett
 The equations of motion, multiplied by test functions and integrated, need no derivative of the
 displacement, and noise is averaged over the length of a test function (Messenger and Bortz 2021;
 Bortz, Messenger and Dukic 2023, Bulletin of Mathematical Biology 85, 110). Windows are weighted
-with the covariance that sensor noise gives them at the mean stiffness of the record.
+with the covariance that sensor noise gives them at the mean stiffness of the record. Forces that
+cannot be summed by parts, of friction, quadratic damping and hysteresis, are taken as they follow
+from the motion at every sample, differentiated where its rate is not measured.
 """
 
 from collections.abc import Sequence
@@ -17,6 +19,7 @@ from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimation.regression import PointwiseRegression
 from identnl_ros.core.measurement.motion_record import MotionRecord
 from identnl_ros.core.measurement.motion_weights import MotionWeights
+from identnl_ros.core.mechanics.laws import LawKind, RATE_KINDS
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.weak.weighting_function import WeightingFunction
 import numpy as np
@@ -29,6 +32,8 @@ ROUNDS = 3
 STATES = 64
 # Error of the integrals over a window, relative to the forces in it.
 INEXACT = 1e-4
+# Their force does not follow a derivative of the motion in proportion.
+BY_SAMPLE = (*RATE_KINDS, LawKind.HYSTERESIS)
 # An estimate below this fraction of its like is no start for a simulation.
 SMALLEST_SHARE = 0.02
 # Symbols of what may have either sign: amplitudes of periodic forces, rates of stiffness.
@@ -96,7 +101,9 @@ def _windows(
     model: Model, record: MotionRecord, weights: MotionWeights, function: WeightingFunction
 ) -> Windows:
     """Integrate the rows of the regression: (n_windows, n, n_unknowns), (n_windows, n)."""
-    regression = PointwiseRegression(model)
+    by_sample = tuple(term for term in model.terms if term.law.kind in BY_SAMPLE)
+    others = tuple(term for term in model.terms if term.law.kind not in BY_SAMPLE)
+    regression = PointwiseRegression(replace(model, terms=others))
     n = record.displacement.shape[1]
     nothing = np.zeros_like(record.displacement)
     force = record.force @ model.excitation_directions
@@ -138,8 +145,20 @@ def _windows(
         summed.append(parts(0, nothing, nothing, record.acceleration, nothing))
     else:
         summed.append(parts(2, nothing, nothing, displacement, nothing))
+    if by_sample:
+        regression = PointwiseRegression(
+            replace(model, terms=by_sample, mass_vectors=(), loads=())
+        )
+        rows = regression.rows(displacement, record.velocity, nothing, nothing)
+        shape = len(displacement), n, -1
+        summed.append(
+            (
+                function.windows(rows[0].reshape(shape), function.values),
+                function.windows(rows[1].reshape(shape[:2]), function.values),
+            )
+        )
     regressor, target = (np.sum([one[i] for one in summed], axis=0) for i in range(2))
-    valid = np.isfinite(target).all(axis=1)
+    valid = np.isfinite(target).all(axis=1) & np.isfinite(regressor).all(axis=(1, 2))
     return regressor[valid], target[valid]
 
 

@@ -6,29 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from identnl_ros.core.discrepancy.checked_diagnosis import CheckedDiagnosis
-from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.diagnosis import diagnose
-from identnl_ros.core.discrepancy.held_out import held_out_error
-from identnl_ros.core.discrepancy.rereading import reread
-from identnl_ros.core.errors import DataError, LayoutError
+from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
-from identnl_ros.core.mechanics.assembly import assemble
-from identnl_ros.core.mechanics.elements import Element
-from identnl_ros.core.mechanics.machine import Machine
-from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.weak.rough_start import rough_start
 from identnl_ros.sources.bag_runs import BagRuns
 from identnl_ros.sources.offline import machine_of_bag
+from identnl_ros.sources.record_diagnosis import diagnose_record, divided
 from identnl_ros.storage.bag_reader import open_bag
 import numpy as np
-
-# Samples that are diagnosed, and that are held out to check the result.
-LONGEST = 2**14
-LONGEST_HELD_OUT = 2**12
-SHORTEST = 2**9
-# Part of a single record that is held out.
-HELD_OUT_SHARE = 0.25
 
 
 def diagnose_bag(
@@ -67,35 +52,13 @@ def diagnose_bag(
     machine = machine_of_bag(bag, machine_path)
     record = _longest_run(path)
     problems = list(bag.problems)
-    if validate is None:
-        count = min(round(HELD_OUT_SHARE * len(record.samples)), LONGEST_HELD_OUT)
-        held_out = MeasuredRecord(record.layout, record.sample_rate, record.samples[-count:])
-        record = MeasuredRecord(record.layout, record.sample_rate, record.samples[:-count])
-    else:
+    held_out = None
+    if validate is not None:
         held_out = _longest_run(validate)
-        held_out = _first(held_out, LONGEST_HELD_OUT)
         _require_same(record.layout, held_out.layout, validate)
         problems += open_bag(validate).problems
-    record = _first(record, LONGEST)
-    if len(record.samples) < SHORTEST:
-        raise DataError(
-            f'{path}: {len(record.samples)} uninterrupted samples with force are too few for a '
-            f'diagnosis, expected at least {SHORTEST}'
-        )
-    description = Description(machine, record.layout)
-    diagnosis = diagnose(description, _start(machine, record), record, seed, progress=progress)
-    progress('simulating held-out data')
-    before = held_out_error(description, diagnosis.before.model, held_out)
-    after = before
-    if diagnosis.named:
-        corrected = diagnosis.after.description
-        after = held_out_error(
-            corrected, diagnosis.after.model, reread(held_out, corrected.layout)
-        )
-    return CheckedDiagnosis(
-        diagnosis, machine, len(record.samples), len(held_out.samples), record.sample_rate,
-        before, after, tuple(problems),
-    )  # fmt: skip
+    parts = divided(record, held_out, str(path))
+    return diagnose_record(machine, *parts, seed, progress, tuple(problems))
 
 
 def _longest_run(path: Path) -> MeasuredRecord:
@@ -111,10 +74,6 @@ def _longest_run(path: Path) -> MeasuredRecord:
     return MeasuredRecord(layout, rate, samples)
 
 
-def _first(record: MeasuredRecord, count: int) -> MeasuredRecord:
-    return MeasuredRecord(record.layout, record.sample_rate, record.samples[:count])
-
-
 def _require_same(layout: Layout, other: Layout, where: Path) -> None:
     names = [sensor.name for sensor in layout.sensors]
     if [sensor.name for sensor in other.sensors] != names:
@@ -122,19 +81,3 @@ def _require_same(layout: Layout, other: Layout, where: Path) -> None:
             f'{where}: its sensors are not those of the bag that is diagnosed; expected '
             f'{", ".join(names[:6])} ...'
         )
-
-
-def _start(machine: Machine, record: MeasuredRecord) -> Model:
-    """Take start values from the data where possible, else from the machine file."""
-    model = assemble(machine)
-    known = bool(np.isfinite(model.values).all())
-    elements = any(isinstance(joint, Element) for joint in machine.joints)
-    # Weak-form windows need forces that are linear in the rate; values that stand beside friction
-    # are those of an earlier fit.
-    if not model.estimated or (known and elements):
-        return model
-    try:
-        return rough_start(model, record)
-    except (DataError, LayoutError):
-        model.require_values()
-        return model

@@ -66,19 +66,38 @@ class BagRuns:
         if not parts:
             return
         samples = np.concatenate(parts)
-        lost = _without_force(self.stream.layout, samples)
-        edges = np.flatnonzero(np.diff(np.concatenate(([True], lost, [True])).astype(np.int8)))
-        pieces = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-        joined: list[tuple[int, int]] = []
-        for begin, end in pieces:
-            if joined and begin - joined[-1][1] <= LONGEST_GAP:
-                joined[-1] = joined[-1][0], end
-            else:
-                joined.append((begin, end))
-        used = [(begin, end) for begin, end in joined if end - begin >= SHORTEST_RUN]
+        used = runs_with_force(self.stream.layout, samples)
         self.left_out += len(samples) - sum(end - begin for begin, end in used)
         for begin, end in used:
             yield samples[begin:end]
+
+
+def runs_with_force(layout: Layout, samples: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """
+    Find where the force is known for long enough.
+
+    Parameters
+    ----------
+    layout : Layout
+    samples : ndarray, shape (n_samples, n_channels)
+        Without interruption [SI].
+
+    Returns
+    -------
+    list of (int, int)
+        First sample of every run and first sample after it.
+
+    """
+    lost = _without_force(layout, samples)
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], lost, [True])).astype(np.int8)))
+    pieces = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    joined: list[tuple[int, int]] = []
+    for begin, end in pieces:
+        if joined and begin - joined[-1][1] <= LONGEST_GAP:
+            joined[-1] = joined[-1][0], end
+        else:
+            joined.append((begin, end))
+    return [(begin, end) for begin, end in joined if end - begin >= SHORTEST_RUN]
 
 
 def _without_force(layout: Layout, samples: NDArray[np.float64]) -> NDArray[np.bool_]:

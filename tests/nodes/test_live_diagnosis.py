@@ -25,6 +25,7 @@ pytestmark = pytest.mark.ros
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 DURATION = 3.0
+START_TIME = 30.0  # [s]
 REPORT_TIME = 60.0  # [s]
 
 
@@ -121,7 +122,7 @@ def test_estimates_keep_coming_while_a_diagnosis_runs(start, watcher, reports, b
     assert not answer.success
     assert 'no samples have come' in answer.message
     start('sensor_bridge', source='bag', bag=bag, speed=1.0, wait_for_consumers=2)
-    watcher.until(lambda: watcher.estimates)
+    watcher.until(lambda: watcher.estimates, START_TIME)
     watcher.until(lambda: watcher.call(Trigger, 'identifier/diagnose').success)
     count = len(watcher.estimates)
     assert not watcher.estimates[-1].stream_ended
@@ -140,7 +141,7 @@ def test_diagnosis_begins_by_itself_and_ends_with_the_node(start, watcher, repor
     stand = start(
         'stand', source='bag', bag=bag, speed=0.0, diagnose_every=0.2, wait_for_consumers=2
     )
-    watcher.until(lambda: children(stand.process))
+    watcher.until(lambda: children(stand.process), START_TIME)
     (child,) = children(stand.process)
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
         request = Transition(id=transition)

@@ -3,6 +3,7 @@
 
 """A live stand is diagnosed like its bag, on request or by itself, and nothing waits for it."""
 
+from dataclasses import replace
 import json
 import math
 import os
@@ -13,11 +14,14 @@ import sys
 from click.testing import CliRunner
 from identnl_msgs.msg import DiscrepancyReport
 from identnl_ros.cli.commands import cli
+from identnl_ros.core.errors import DataError
 from identnl_ros.nodes import qos
+from identnl_ros.nodes.live_diagnosis import LiveDiagnosis
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.machine_file import read_machine
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+import numpy as np
 import pytest
 from std_srvs.srv import Trigger
 
@@ -135,6 +139,27 @@ def test_estimates_keep_coming_while_a_diagnosis_runs(start, watcher, reports, b
     assert samples == sorted(set(samples))
     watcher.final_estimate()
     assert watcher.health['bench/identifier: stream'].values['samples lost'] == '0'
+
+
+def test_samples_that_cannot_be_diagnosed_are_refused_in_words(bag):
+    description = open_bag(bag).description
+    blocks = list(open_bag(bag).blocks())
+    forceless = [
+        replace(block, samples=np.where([True, False], np.nan, block.samples)) for block in blocks
+    ]
+    for few, words in (
+        (blocks[:4], '200 uninterrupted samples hold no run'),
+        (blocks[:8], '300 uninterrupted samples with force are too few for a diagnosis'),
+        (blocks[:20] + blocks[21:29], '300 uninterrupted samples with force are too few'),
+        (forceless, 'no run with a measured force'),
+    ):
+        live = LiveDiagnosis()
+        for block in few:
+            live.readings.add(block)
+        with pytest.raises(DataError, match=words):
+            live.begin({description.stream_id: description}, lambda _: None)
+        assert not live.is_running
+        assert words in live.health().values['diagnosis']
 
 
 def test_diagnosis_begins_by_itself_and_ends_with_the_node(start, watcher, reports, bag):

@@ -103,6 +103,7 @@ setup(
     install_requires=[
         'click',
         'lz4',
+        'matplotlib',
         'mcap>=1.6',
         'numba',
         'numpy>=1.26',

@@ -36,7 +36,7 @@ def report_to_message(
 
     """
     held_out = {
-        name: float(document['held_out'][name]['response_nrmse'])
+        name: float(document['held_out'][name]['relative_force_error'])
         for name in ('before', 'after', 'noise_floor')
     }
     return DiscrepancyReport(

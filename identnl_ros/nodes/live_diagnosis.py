@@ -8,7 +8,6 @@ import time
 
 from identnl_msgs.msg import DiscrepancyReport
 from identnl_ros.core.errors import DataError, IdentnlError
-from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.measurement.newest_run import NewestRun
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.nodes.diagnosis import Health, Level
@@ -178,24 +177,26 @@ class LiveDiagnosis:
                 'no samples have come on the topic samples that could be diagnosed; start the '
                 'stand and ask again'
             )
-        samples, rate = self.readings.samples, self.readings.sample_rate
-        runs = runs_with_force(description.layout, samples)
+        readings = self.readings
+        runs = runs_with_force(
+            description.layout, readings.sample_rate, readings.samples, readings.first_index
+        )
         where = f'stand {description.stand}'
         if not runs:
             raise DataError(
-                f'{where}: the newest {len(samples)} uninterrupted samples hold no run with a '
+                f'{where}: the newest {len(readings)} uninterrupted samples hold no run with a '
                 'measured force that is long enough; let the stand go on and ask again'
             )
-        begin, end = max(runs, key=lambda run: run[1] - run[0])
-        whole = MeasuredRecord(description.layout, rate, samples[begin:end])
-        record, held_out = divided(whole, None, where)
+        longest = max(runs, key=lambda run: len(run.samples))
+        record, held_out = divided(longest, None, where)
+        count = len(longest.samples)
         self._running = _Running(
             DiagnosisProcess(machine_of(description), record, held_out),
             time.monotonic(),
             description.stand,
             description.stream_id,
-            self.readings.stamp_before_end(len(samples) - end + 1),
+            readings.stamp_of(longest.first_index + count - 1),
         )
-        self._seen = self.readings.stream_id, self.readings.next_index
+        self._seen = readings.stream_id, readings.next_index
         self._has_failed = False
-        return end - begin
+        return count

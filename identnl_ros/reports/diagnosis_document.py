@@ -9,6 +9,7 @@ from identnl_ros.core.discrepancy.checked_diagnosis import CheckedDiagnosis
 from identnl_ros.core.discrepancy.diagnosis import NamedEffect, Verdict
 from identnl_ros.core.discrepancy.effect import Hypothesis
 from identnl_ros.reports.paper_units import readable_unit
+from identnl_ros.reports.splitting_test import splitting_test
 
 
 def diagnosis_document(result: CheckedDiagnosis) -> dict[str, Any]:
@@ -32,9 +33,18 @@ def diagnosis_document(result: CheckedDiagnosis) -> dict[str, Any]:
         'findings': [_finding(one) for one in diagnosis.named],
         'suspected': [_named(one) for one in diagnosis.suspected],
         'held_out': {
-            'before': {'response_nrmse': result.before.response},
-            'after': {'response_nrmse': result.after.response},
-            'noise_floor': {'response_nrmse': result.after.noise_floor},
+            'before': {
+                'response_nrmse': result.before.response,
+                'relative_force_error': result.before.force.relative,
+            },
+            'after': {
+                'response_nrmse': result.after.response,
+                'relative_force_error': result.after.force.relative,
+            },
+            'noise_floor': {
+                'response_nrmse': result.after.noise_floor,
+                'relative_force_error': result.after.force.noise_floor,
+            },
             'samples': result.held_out_samples,
         },
         'residual_over_noise': {
@@ -153,6 +163,9 @@ def _finding(named: NamedEffect) -> dict[str, Any]:
             ),
         ],
         'p_value': named.finding.probability,
-        'confusable_with': [_named(one) for one in named.finding.rivals],
+        'confusable_with': [
+            {**_named(one), 'split_by': splitting_test(hypothesis, one)}
+            for one in named.finding.rivals
+        ],
         'sentence': sentence(named),
     }

@@ -13,7 +13,6 @@ from identnl_ros.sources.bag_runs import BagRuns
 from identnl_ros.sources.offline import machine_of_bag
 from identnl_ros.sources.record_diagnosis import diagnose_record, divided
 from identnl_ros.storage.bag_reader import open_bag
-import numpy as np
 
 
 def diagnose_bag(
@@ -63,15 +62,14 @@ def diagnose_bag(
 
 def _longest_run(path: Path) -> MeasuredRecord:
     bag = open_bag(path)
-    longest: tuple[np.ndarray, Layout, float] | None = None
+    longest: MeasuredRecord | None = None
     for stream in bag.streams:
-        for samples in BagRuns(bag, stream).runs():
-            if longest is None or len(samples) > len(longest[0]):
-                longest = samples, stream.layout, stream.sample_rate
+        for record in BagRuns(bag, stream).runs():
+            if longest is None or len(record.samples) > len(longest.samples):
+                longest = record
     if longest is None:
         raise DataError(f'{path}: no uninterrupted run with a measured force in it')
-    samples, layout, rate = longest
-    return MeasuredRecord(layout, rate, samples)
+    return longest
 
 
 def _require_same(layout: Layout, other: Layout, where: Path) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.measured_force import LONGEST_GAP
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.storage.bag_reader import Bag
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
@@ -37,18 +38,18 @@ class BagRuns:
     """Samples in runs that are too short, or without a force; complete after `runs` has ended."""
     follower: StreamFollower = field(default_factory=StreamFollower)
 
-    def runs(self) -> Iterator[NDArray[np.float64]]:
+    def runs(self) -> Iterator[MeasuredRecord]:
         """
-        Yield the samples of every run.
+        Yield every run.
 
         Yields
         ------
-        ndarray, shape (n_samples, n_channels)
-            The force is known all along, but for gaps that can be bridged [SI].
+        MeasuredRecord
+            The force is known all along, but for gaps that can be bridged.
 
         """
         parts: list[NDArray[np.float64]] = []
-        count = 0
+        first_index = count = 0
         for block in self.bag.blocks(self.stream.stream_id):
             arrival = self.follower.accept(
                 block.stream_id, block.first_index, block.next_index, block.last
@@ -56,36 +57,44 @@ class BagRuns:
             if not arrival.usable:
                 continue
             if arrival is Arrival.AFTER_GAP or count + len(block.samples) > LONGEST_RUN:
-                yield from self._with_force(parts)
+                yield from self._with_force(parts, first_index)
                 parts, count = [], 0
+            if not parts:
+                first_index = block.first_index
             parts.append(block.samples)
             count += len(block.samples)
-        yield from self._with_force(parts)
+        yield from self._with_force(parts, first_index)
 
-    def _with_force(self, parts: list[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
+    def _with_force(
+        self, parts: list[NDArray[np.float64]], first_index: int
+    ) -> Iterator[MeasuredRecord]:
         if not parts:
             return
         samples = np.concatenate(parts)
-        used = runs_with_force(self.stream.layout, samples)
-        self.left_out += len(samples) - sum(end - begin for begin, end in used)
-        for begin, end in used:
-            yield samples[begin:end]
+        used = runs_with_force(self.stream.layout, self.stream.sample_rate, samples, first_index)
+        self.left_out += len(samples) - sum(len(record.samples) for record in used)
+        yield from used
 
 
-def runs_with_force(layout: Layout, samples: NDArray[np.float64]) -> list[tuple[int, int]]:
+def runs_with_force(
+    layout: Layout, sample_rate: float, samples: NDArray[np.float64], first_index: int
+) -> list[MeasuredRecord]:
     """
     Find where the force is known for long enough.
 
     Parameters
     ----------
     layout : Layout
+    sample_rate : float
+        [Hz].
     samples : ndarray, shape (n_samples, n_channels)
         Without interruption [SI].
+    first_index : int
+        Index of the first one in its stream.
 
     Returns
     -------
-    list of (int, int)
-        First sample of every run and first sample after it.
+    list of MeasuredRecord
 
     """
     lost = _without_force(layout, samples)
@@ -97,7 +106,11 @@ def runs_with_force(layout: Layout, samples: NDArray[np.float64]) -> list[tuple[
             joined[-1] = joined[-1][0], end
         else:
             joined.append((begin, end))
-    return [(begin, end) for begin, end in joined if end - begin >= SHORTEST_RUN]
+    return [
+        MeasuredRecord(layout, sample_rate, samples[begin:end], first_index + begin)
+        for begin, end in joined
+        if end - begin >= SHORTEST_RUN
+    ]
 
 
 def _without_force(layout: Layout, samples: NDArray[np.float64]) -> NDArray[np.bool_]:

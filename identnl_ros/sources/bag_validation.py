@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from identnl_ros.core.errors import DataError, IdentnlError, LayoutError, MachineError
-from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
@@ -191,8 +190,8 @@ def _validated(
             model, covariance, stream.layout, stream.sample_rate, trace_samples
         )
         found = False
-        for samples in runs.runs():
-            validation.add(MeasuredRecord(stream.layout, stream.sample_rate, samples))
+        for record in runs.runs():
+            validation.add(record)
             found = True
     except LayoutError as error:
         raise LayoutError(f'{path} does not fit machine {model.machine.name}: {error}') from None

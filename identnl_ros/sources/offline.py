@@ -206,6 +206,7 @@ def _records(bag: Bag, losses: Losses) -> Iterator[MeasuredRecord]:
         follower = StreamFollower()
         parts: list[NDArray[np.float64]] = []
         runs: list[NDArray[np.float64]] = []
+        begins: list[int] = []
         for block in bag.blocks(stream.stream_id):
             arrival = follower.accept(
                 block.stream_id, block.first_index, block.next_index, block.last
@@ -215,13 +216,15 @@ def _records(bag: Bag, losses: Losses) -> Iterator[MeasuredRecord]:
             if arrival is not Arrival.IN_ORDER and parts:
                 runs.append(np.concatenate(parts))
                 parts = []
+            if not parts:
+                begins.append(block.first_index)
             parts.append(block.samples)
         if parts:
             runs.append(np.concatenate(parts))
         losses.samples += follower.lost_samples
         losses.blocks += follower.repeated_blocks + follower.foreign_blocks
         forces = list(stream.layout.of_kind(SensorKind.FORCE))
-        for run in runs:
+        for begin, run in zip(begins, runs, strict=True):
             for number, sensor in enumerate(stream.layout.sensors):
                 if lost := int(np.isnan(run[:, number]).sum()):
                     losses.readings[sensor.name] = losses.readings.get(sensor.name, 0) + lost
@@ -229,7 +232,9 @@ def _records(bag: Bag, losses: Losses) -> Iterator[MeasuredRecord]:
             for first, end in pairwise([-1, *missing.tolist(), len(run)]):
                 if end - first - 1 >= SHORTEST_RUN:
                     part = run[first + 1 : end]
-                    yield MeasuredRecord(stream.layout, stream.sample_rate, part)
+                    yield MeasuredRecord(
+                        stream.layout, stream.sample_rate, part, begin + first + 1
+                    )
 
 
 @contextmanager

@@ -52,9 +52,9 @@ def divided(
     """
     if held_out is None:
         count = min(round(HELD_OUT_SHARE * len(record.samples)), LONGEST_HELD_OUT)
-        held_out = MeasuredRecord(record.layout, record.sample_rate, record.samples[-count:])
-        record = MeasuredRecord(record.layout, record.sample_rate, record.samples[:-count])
-    record, held_out = _first(record, LONGEST), _first(held_out, LONGEST_HELD_OUT)
+        whole = len(record.samples)
+        held_out, record = record.part(whole - count, whole), record.part(0, whole - count)
+    record, held_out = record.part(0, LONGEST), held_out.part(0, LONGEST_HELD_OUT)
     if len(record.samples) < SHORTEST:
         raise DataError(
             f'{where}: {len(record.samples)} uninterrupted samples with force are too few for a '
@@ -97,7 +97,8 @@ def diagnose_record(
 
     """
     description = Description(machine, record.layout)
-    diagnosis = diagnose(description, _start(machine, record), record, seed, progress=progress)
+    start = start_values(machine, record)
+    diagnosis = diagnose(description, start, record, seed, progress=progress)
     progress('simulating held-out data')
     before = held_out_error(description, diagnosis.before.model, held_out)
     after = before
@@ -112,12 +113,20 @@ def diagnose_record(
     )  # fmt: skip
 
 
-def _first(record: MeasuredRecord, count: int) -> MeasuredRecord:
-    return MeasuredRecord(record.layout, record.sample_rate, record.samples[:count])
+def start_values(machine: Machine, record: MeasuredRecord) -> Model:
+    """
+    Take start values from the data where possible, else from the machine file.
 
+    Parameters
+    ----------
+    machine : Machine
+    record : MeasuredRecord
 
-def _start(machine: Machine, record: MeasuredRecord) -> Model:
-    """Take start values from the data where possible, else from the machine file."""
+    Returns
+    -------
+    Model
+
+    """
     model = assemble(machine)
     known = bool(np.isfinite(model.values).all())
     elements = any(isinstance(joint, Element) for joint in machine.joints)

@@ -337,8 +337,10 @@ def _pieces(
             skipped[len(rows) - len(steps) :] = steps - 1
             starts = np.union1d(starts, np.flatnonzero(skipped))
             before = times[-1:]
+        lost = np.cumsum(skipped)
+        time = (index + np.arange(len(rows)) + lost) / rate
         samples = np.column_stack(
-            [sensor.to_si(rows[:, i]) for i, sensor in enumerate(layout.sensors)]
+            [sensor.to_si(rows[:, i], time) for i, sensor in enumerate(layout.sensors)]
         )
         for first, piece in zip(starts, np.split(samples, starts[1:]), strict=True):
             index += int(skipped[first])

@@ -52,6 +52,7 @@ class _Quality(StrictModel):
     unit: str = ''
     gain: str = ''
     offset: str = '0'
+    drift: str = '0'
     delay: str = '0'
     noise: str = ''
     resolution: str = '0'
@@ -75,12 +76,15 @@ class _Channel(_Quality):
         unit = _checked('unit', lambda: _recorded_unit(self.unit, kind))
         gain = _checked('gain', lambda: _gain(self.gain, unit, kind))
         offset = Quantity(unit, f'a recorded value such as "0.1 {unit}"')
+        per_second = f'({unit})/s'
+        drift = Quantity(per_second, f'a rate of the recorded value such as "0.1 {per_second}"')
         return {
             'kind': kind,
             'column': self.column,
             'recorded_unit': unit,
             'gain': gain,
             'offset': _checked('offset', lambda: offset.number(self.offset)),
+            'drift': _checked('drift', lambda: drift.number(self.drift)),
             'delay': _checked('delay', lambda: _TIME.number(self.delay)),
             'noise': _checked('noise', lambda: _noise(self.noise, unit, gain, kind)),
             'resolution': _checked(

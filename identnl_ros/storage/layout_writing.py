@@ -93,6 +93,7 @@ def _quality(sensor: Sensor) -> dict[str, Data]:
     """How well it measures; no noise: not known."""
     numbers = {
         'offset': sensor.offset,
+        'drift': sensor.drift,
         'delay': sensor.delay,
         'noise': sensor.noise,
         'resolution': sensor.resolution,

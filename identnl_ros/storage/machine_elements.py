@@ -27,6 +27,10 @@ _EXPECTED = {
         'a velocity such as "10 um/s"',
         'an angular velocity such as "50 urad/s"',
     ),
+    ('N/m/s', 'N*m/s'): (
+        'a rate of a stiffness such as "2 N/um/s"',
+        'a rate of a rotational stiffness such as "1e5 N*m/rad/s"',
+    ),
     ('1', '1'): ('a number such as 2', 'a number such as 2'),
 }
 
@@ -49,7 +53,7 @@ class ElementPart(StrictModel):
 
     @field_validator(
         'force', 'damping', 'stiffness', 'transition_velocity', 'stribeck_velocity', 'gap',
-        'limit', 'exponent', mode='plain', check_fields=False,
+        'limit', 'exponent', 'stiffness_rate', mode='plain', check_fields=False,
     )  # fmt: skip
     @classmethod
     def _read_number(cls, value: object, info: ValidationInfo) -> Coefficient:
@@ -138,6 +142,13 @@ class BilinearStiffness(ElementPart):
     gap: Coefficient = Coefficient(0.0)
 
 
+class DriftingStiffness(ElementPart):
+    """A stiffness that grows in proportion to time, or falls."""
+
+    kind: Literal['drifting_stiffness']
+    stiffness_rate: Coefficient
+
+
 class Hysteresis(ElementPart):
     """A spring whose force fades at a limit and remembers the motion."""
 
@@ -153,5 +164,6 @@ ElementKey = (
     | QuadraticDamping
     | Backlash
     | BilinearStiffness
+    | DriftingStiffness
     | Hysteresis
 )

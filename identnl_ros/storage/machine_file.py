@@ -1,6 +1,6 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The machine file: bodies, joints, constant forces and excitations of a machine as YAML."""
+"""The machine file: bodies, joints, unmeasured forces and excitations of a machine as YAML."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +22,7 @@ from identnl_ros.core.mechanics.machine import (
     ExcitationPoint,
     Machine,
 )
+from identnl_ros.core.mechanics.periodic_force import PeriodicForce
 from identnl_ros.core.mechanics.ties import declared_numbers, roots_of, with_inner_ties
 from identnl_ros.storage.machine_elements import ElementKey
 from identnl_ros.storage.machine_places import AT, Place, place_at, Placed
@@ -61,6 +62,7 @@ from pydantic import (
 STANDARD_GRAVITY = (0.0, 0.0, -9.80665)  # [m/s^2]
 
 _FORCE = Quantity('N', 'a force such as "100 daN"')
+_MOMENT = Quantity('N*m', 'a moment such as "2 N*m"')
 _STIFFNESS = Quantity('N/m', 'a stiffness such as "15 daN/um"')
 _MASS = Quantity('kg', 'a mass such as "900 kg"')
 _INERTIA = Quantity('kg*m^2', 'a moment of inertia such as "190 kg*m^2"')
@@ -284,6 +286,7 @@ class _Slideway(StrictModel):
 
 
 class _Force(StrictModel):
+    kind: Literal['constant_force']
     body: Name
     to: Name = GROUND
     point: Position
@@ -292,6 +295,57 @@ class _Force(StrictModel):
 
     def build(self, name: str) -> ConstantForce:
         return ConstantForce(name, self.body, self.point, self.direction, self.force, self.to)
+
+
+class _PeriodicForce(StrictModel):
+    kind: Literal['periodic_force']
+    body: Name
+    to: Name = GROUND
+    point: Position
+    direction: Direction
+    cosine: Annotated[Coefficient, PlainValidator(_FORCE.coefficient)]
+    sine: Annotated[Coefficient, PlainValidator(_FORCE.coefficient)]
+    frequency: Annotated[Coefficient, PlainValidator(FREQUENCY.coefficient_with_start)]
+
+    def build(self, name: str) -> PeriodicForce:
+        return PeriodicForce(
+            name,
+            self.body,
+            self.point,
+            self.direction,
+            self.cosine,
+            self.sine,
+            self.frequency,
+            self.to,
+        )
+
+
+class _PeriodicMoment(StrictModel):
+    kind: Literal['periodic_moment']
+    body: Name
+    to: Name = GROUND
+    direction: Direction
+    cosine: Annotated[Coefficient, PlainValidator(_MOMENT.coefficient)]
+    sine: Annotated[Coefficient, PlainValidator(_MOMENT.coefficient)]
+    frequency: Annotated[Coefficient, PlainValidator(FREQUENCY.coefficient_with_start)]
+
+    def build(self, name: str) -> PeriodicForce:
+        return PeriodicForce(
+            name,
+            self.body,
+            np.zeros(3),
+            self.direction,
+            self.cosine,
+            self.sine,
+            self.frequency,
+            self.to,
+            moment=True,
+        )
+
+
+def _constant_by_default(data: object) -> object:
+    """Let a force without a kind be a constant one."""
+    return {KIND: 'constant_force', **data} if isinstance(data, dict) else data
 
 
 class _Excitation(StrictModel):
@@ -331,7 +385,14 @@ class _Machine(StrictModel):
             BeforeValidator(with_kind),
         ],
     ]
-    forces: dict[Name, _Force] = Field(default_factory=dict)
+    forces: dict[
+        Name,
+        Annotated[
+            _Force | _PeriodicForce | _PeriodicMoment,
+            Field(discriminator=KIND),
+            BeforeValidator(_constant_by_default),
+        ],
+    ] = Field(default_factory=dict)
     excitations: dict[Name, _Excitation] = Field(default_factory=dict)
 
     @model_validator(mode='after')

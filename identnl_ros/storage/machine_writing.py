@@ -16,6 +16,7 @@ from identnl_ros.core.mechanics.machine import (
     ExcitationPoint,
     Machine,
 )
+from identnl_ros.core.mechanics.periodic_force import COSINE, FREQUENCY, PeriodicForce, SINE
 from identnl_ros.core.mechanics.slideway import REFERENCE_DEFORMATION
 from identnl_ros.core.mechanics.ties import declared_numbers, roots_of, with_inner_ties
 from identnl_ros.storage.machine_file import read_machine
@@ -229,13 +230,24 @@ def _element(joint: Element, numbers: _Numbers, joints: tuple[Joint, ...]) -> Da
     }
 
 
-def _force(force: ConstantForce, numbers: _Numbers) -> Data:
-    data: dict[str, Data] = {'body': force.body}
+def _force(force: ConstantForce | PeriodicForce, numbers: _Numbers) -> Data:
+    periodic = isinstance(force, PeriodicForce)
+    moment = isinstance(force, PeriodicForce) and force.moment
+    kind = 'periodic_moment' if moment else 'periodic_force'
+    data: dict[str, Data] = {KIND: kind} if periodic else {}
+    data['body'] = force.body
     if force.reaction_body != GROUND:
         data['to'] = force.reaction_body
-    data['point'] = vector(force.point)
+    if not moment:
+        data['point'] = vector(force.point)
     data['direction'] = direction(force.direction)
-    data['force'] = numbers.written(f'{force.name}.force', force.force)
+    coefficients = (
+        {COSINE: force.cosine, SINE: force.sine, FREQUENCY: force.frequency}
+        if isinstance(force, PeriodicForce)
+        else {'force': force.force}
+    )
+    for key, one in coefficients.items():
+        data[key] = numbers.written(f'{force.name}.{key}', one)
     return data
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Text files that are either complete or not there."""
+"""Files that are either complete or not there."""
 
 from collections.abc import Iterable
 from contextlib import suppress
@@ -27,12 +27,31 @@ def write_text(path: Path, parts: Iterable[str]) -> None:
         If it cannot be written.
 
     """
+    write_bytes(path, (one.encode() for one in parts))
+
+
+def write_bytes(path: Path, parts: Iterable[bytes]) -> None:
+    """
+    Write a file; one of this name is replaced only when the new one is complete.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder is made if need be.
+    parts : iterable of bytes
+
+    Raises
+    ------
+    DataError
+        If it cannot be written.
+
+    """
     part = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
         part = Path(name)
-        with os.fdopen(descriptor, 'w', encoding='utf-8') as stream:
+        with os.fdopen(descriptor, 'wb') as stream:
             stream.writelines(parts)
             stream.flush()
             os.fsync(stream.fileno())

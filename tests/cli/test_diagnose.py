@@ -3,6 +3,7 @@
 """`simulate --hide` hides, `diagnose` finds, and what it writes is a machine like any other."""
 
 import json
+from pathlib import Path
 
 from identnl_ros.storage.bag_reader import open_bag
 import pytest
@@ -43,10 +44,30 @@ def test_hidden_effect_is_found_and_added(bag, document, tmp_path):
     )
     held_out = found['held_out']
     assert held_out['after']['response_nrmse'] < 0.1 * held_out['before']['response_nrmse']
+    before, after, floor = (
+        held_out[which]['relative_force_error'] for which in ('before', 'after', 'noise_floor')
+    )
+    assert before > 1.1 * after
+    assert after == pytest.approx(floor, rel=0.3)
+    report = (tmp_path / 'report/report.md').read_text('utf-8')
+    assert 'Coulomb friction' in report
+    assert len(found['plots']) == 4
+    for path in map(Path, found['plots']):
+        assert path.parent == tmp_path / 'report'
+        assert path.read_bytes().startswith(b'\x89PNG')
+        assert f'({path.name})' in report
     assert json.loads((tmp_path / 'report/diagnosis.json').read_text('utf-8')) == found
     again = document('diagnose', bag, '--machine', tmp_path / 'report/machine.yaml')
     assert again['verdict'] == 'complete'
-    assert again['findings'] == []
+    assert again['findings'] == again['plots'] == []
+
+
+def test_people_get_a_paragraph_and_tables(bag, identnl):
+    result = identnl('diagnose', bag)
+    assert result.exit_code == 0
+    assert 'Coulomb friction of' in result.stdout
+    for title in ('What is missing', 'Error on held-out data', 'Smallest sizes that this record'):
+        assert title in result.stdout
 
 
 def test_bag_does_not_tell_what_is_hidden(bag):

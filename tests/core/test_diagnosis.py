@@ -7,7 +7,7 @@ from dataclasses import replace
 from identnl_ros.core.discrepancy.consistent_motion import consistent_motion
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.diagnosis import diagnose, Verdict
-from identnl_ros.core.discrepancy.effect import AddedPart, ChangedMachine, Scale
+from identnl_ros.core.discrepancy.effect import AddedPart, ChangedMachine, Course, Scale
 from identnl_ros.core.discrepancy.features import Features
 from identnl_ros.core.discrepancy.held_out import held_out_error
 from identnl_ros.core.discrepancy.hidden_effect import choose_place, HiddenEffect, relative_size
@@ -171,7 +171,8 @@ def test_features_are_what_an_effect_adds_to_the_equations_of_motion(description
     ]
     assert len(chosen) > 20
     model = assemble(description.machine)
-    forces = Features(description, model, chosen).along(*motion)
+    course = Course(description, model, np.arange(50) / RATE, *motion, np.zeros((50, 1)))
+    forces = Features(course, chosen).forces(range(len(chosen)), 0, 50)
     for i, one in enumerate(chosen):
         if one.effect.name == 'hysteresis':
             continue  # depends on the path, which noise does not have

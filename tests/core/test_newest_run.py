@@ -30,8 +30,9 @@ def test_newest_samples_are_kept_whatever_the_blocks():
             assert indices(run) == list(range(max(0, end - 10), end))
             assert len(run) == len(run.samples)
         assert run.next_index == end
-        assert run.stamp_before_end(1) == round((end - 1) / RATE * NANOSECONDS)
-        assert run.stamp_before_end(len(run)) == round((end - len(run)) / RATE * NANOSECONDS)
+        assert run.first_index == indices(run)[0]
+        for index in indices(run):
+            assert run.stamp_of(index) == round(index / RATE * NANOSECONDS)
 
 
 def test_gap_stream_channels_and_clearing_begin_a_new_run():

@@ -259,7 +259,8 @@ def test_sensor_that_cannot_be_is_refused(changes, says):
 
 
 def test_recorded_numbers_and_si_are_each_other_s_inverse():
-    sensor = replace(line_layout().sensors[1], gain=-2.5e6, offset=0.7)
-    quantity = np.array([1e-6, -3e-6, 0.0])
-    np.testing.assert_allclose(sensor.to_recorded(quantity), [-1.8, 8.2, 0.7])
-    np.testing.assert_allclose(sensor.to_si(sensor.to_recorded(quantity)), quantity, atol=1e-20)
+    sensor = replace(line_layout().sensors[1], gain=-2.5e6, offset=0.7, drift=0.1)
+    quantity, time = np.array([1e-6, -3e-6, 0.0]), np.array([0.0, 1.0, 5.0])
+    np.testing.assert_allclose(sensor.to_recorded(quantity, time), [-1.8, 8.3, 1.2])
+    again = sensor.to_si(sensor.to_recorded(quantity, time), time)
+    np.testing.assert_allclose(again, quantity, atol=1e-20)

@@ -4,9 +4,11 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.discrepancy.rereading import reread
 from identnl_ros.core.errors import LayoutError
 from identnl_ros.core.measurement.blocks import ChannelStatus
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.simulation.excitation import multisine, sine, Sweep
 from identnl_ros.core.simulation.stand import SimulatedStand
@@ -200,6 +202,18 @@ def test_wrong_gain_and_offset_in_the_declared_layout_scale_and_shift_the_readin
 def test_sensor_with_any_gain_reads_si_where_the_layout_is_right():
     odd = changed(line_layout(), 'block_displacement', gain=-37.0, offset=12.0)
     np.testing.assert_array_equal(stand(odd).read(50).samples, stand().read(50).samples)
+
+
+def test_drift_that_the_declared_layout_lacks_grows_from_the_begin_of_the_stream():
+    drifting = changed(line_layout(), 'block_displacement', gain=1e6, drift=0.2)
+    believed = changed(line_layout(), 'block_displacement', gain=1e6)
+    source = stand(drifting, declared_layout=believed)
+    found = np.concatenate([source.read(count).samples for count in (700, 500)])
+    clean = stand().read(1200).samples
+    rate = source.read(1).sample_rate
+    np.testing.assert_allclose((found - clean)[:, 1], 0.2e-6 * np.arange(1200) / rate, atol=1e-15)
+    record = MeasuredRecord(believed, rate, found).part(300, 1200)
+    np.testing.assert_allclose(reread(record, drifting).samples[:, 1], clean[300:, 1], atol=1e-15)
 
 
 def test_declared_layout_with_other_channels_is_refused():

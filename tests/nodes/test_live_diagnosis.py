@@ -105,9 +105,9 @@ def test_report_is_that_of_the_recorded_bag(start, watcher, reports, bag, tmp_pa
         assert one.standard_deviation == (math.nan if deviation is None else deviation)
         assert one.lower < one.value < one.upper
     held_out = offline['held_out']
-    assert report.held_out_error_before == held_out['before']['response_nrmse']
-    assert report.held_out_error_after == held_out['after']['response_nrmse']
-    assert report.held_out_error_floor == held_out['noise_floor']['response_nrmse']
+    assert report.held_out_error_before == held_out['before']['relative_force_error']
+    assert report.held_out_error_after == held_out['after']['relative_force_error']
+    assert report.held_out_error_floor == held_out['noise_floor']['relative_force_error']
     assert report.machine_file == machine_file
     assert read_machine(report.machine_file, 'report').name == 'oscillator'
     # The last sample was taken one sample before the end.

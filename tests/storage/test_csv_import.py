@@ -31,7 +31,8 @@ def read(tmp_path, text, layout=LAYOUT, **options):
 
 def si(rows):
     rows = np.array(rows)
-    return np.column_stack([SENSORS[0].to_si(rows[:, 0]), SENSORS[1].to_si(rows[:, 1])])
+    time = np.arange(len(rows)) / 1000
+    return np.column_stack([one.to_si(rows[:, i], time) for i, one in enumerate(SENSORS)])
 
 
 def error_of(tmp_path, text, layout=LAYOUT):
@@ -64,6 +65,14 @@ def test_forms_of_the_same_table_give_the_same_samples(tmp_path, text):
     rate, samples = read(tmp_path, text)
     assert rate == 1000
     assert samples.tobytes() == si(ROWS).tobytes()
+
+
+def test_drift_is_taken_out_at_the_time_of_every_row(tmp_path):
+    drifting = replace(TIMED, sensors=(SENSORS[0], replace(SENSORS[1], drift=2e3)))
+    rows = '\n'.join(f'{i / 1000},1.5,{2000 * i / 1000}' for i in (0, 1, 2, 3, 7, 8, 9, 10))
+    rate, samples = read(tmp_path, f'time,F,x 1\n{rows}\n', drifting)
+    assert rate == 1000
+    np.testing.assert_allclose(samples[:, 1], 0, atol=1e-15)
 
 
 @pytest.mark.parametrize('separator', [',', ' ', '\t'])

@@ -100,7 +100,7 @@ def test_recorded_unit_of_the_same_dimension_gives_the_gain():
     assert probe.recorded_unit == 'nm'
     assert probe.gain == 1e9  # nanometres per metre
     assert probe.noise == 1e-8
-    assert probe.to_recorded(np.array([3e-9])) == pytest.approx(3.0)
+    assert probe.to_recorded(np.array([3e-9]), np.zeros(1)) == pytest.approx(3.0)
 
 
 def test_gain_with_unit_converts_volts_and_noise_in_either_unit():
@@ -191,6 +191,7 @@ BAD = [
     ('    direction: -y\n', '', 9, 'sensors.probe.direction: found nothing, expected a direction'),
     ('direction: -y', 'direction: [0, 0, 0]', 9, 'sensor probe: direction is zero'),
     ('direction: -y', 'direction: -y\n    relative_to: block', 9, 'measures block against itself'),
+    ('offset: 20 mV', 'drift: 20 mV', 21, 'drift: found "20 mV", expected a rate of the recorded'),
     ('offset: 20 mV', 'offset: 20 N', 21, 'offset: found "20 N", expected a recorded value'),
     ('delay: 25 us', 'delay: 25 um', 22, 'delay: found "25 um", expected a time'),
     ('0.1 %', '200 %', 14, 'dropout_probability is 2.0'),

@@ -26,8 +26,8 @@ sensors:
   laser: {kind: velocity, body: block, point: [0, 0, 0], direction: -y, unit: mV,
           gain: 0.5 V/(mm/s), delay: -25 us, column: 'Voltage: 3 (mV)'}
   accelerometer: {kind: acceleration, body: block, point: [0, 0, 0], direction: [0, 3, 4],
-          unit: '%', gain: 1.7 %/(m/s^2), offset: 20, noise: 0.1 %, resolution: 0.002 m/s^2,
-          dropout_probability: 0.1 %}
+          unit: '%', gain: 1.7 %/(m/s^2), offset: 20, drift: -0.3 %/s, noise: 0.1 %,
+          resolution: 0.002 m/s^2, dropout_probability: 0.1 %}
 """
 
 

@@ -52,6 +52,11 @@ joints:
     at: guide
     axis: 1
     stiffness: 5 N/um
+  warming:
+    kind: drifting_stiffness
+    at: guide
+    axis: 5
+    stiffness_rate: {estimate: -3 kN*m/rad/s}
   loop:
     kind: hysteresis
     at: guide
@@ -87,7 +92,7 @@ def joints_of(text=MACHINE):
 def test_elements_take_their_place_from_the_joint_they_name():
     joints = joints_of()
     assert list(joints) == [
-        'rubbing', 'sticking', 'oil', 'play', 'stop', 'loop', 'more', 'rod', 'guide',
+        'rubbing', 'sticking', 'oil', 'play', 'stop', 'warming', 'loop', 'more', 'rod', 'guide',
     ]  # fmt: skip
     for joint in joints.values():
         assert (joint.body, joint.other_body) == ('block', 'ground')
@@ -118,6 +123,7 @@ def test_unknowns_of_elements_have_names_and_units():
         ('rubbing.force', 'N', False),
         ('sticking.force', 'N', False),
         ('play.gap', 'm', True),
+        ('warming.stiffness_rate', 'N*m/s', False),
         ('loop.stiffness', 'N*m', False),
         ('more.cubic_stiffness_2', 'N/m^3', False),
     ]

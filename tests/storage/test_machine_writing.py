@@ -44,6 +44,7 @@ joints:
   oil: {kind: quadratic_damping, at: guide, axis: 5, damping: 30}
   play: {kind: backlash, at: pressed, axis: 3, stiffness: 3 N/um, gap: {estimate: 4 um}}
   stop: {kind: bilinear_stiffness, at: rod, axis: 1, stiffness: 5 N/um, gap: -1 um}
+  warm: {kind: drifting_stiffness, at: guide, axis: 1, stiffness_rate: {estimate: -3 N/um/s}}
   loop: {kind: hysteresis, at: guide, axis: 6, stiffness: estimate, limit: 20 urad, exponent: 3}
   more: {kind: six_spring, at: guide, stiffness: [0, 1 N/um],
          cubic_stiffness: [0, {estimate: 2 N/um^3}]}
@@ -87,6 +88,10 @@ joints:
     damping_frequency: 37.3
 forces:
   hose: {body: block, point: [0, 0, 0], direction: [0.3, 0.1, 0.7], force: {estimate: 5}}
+  pump: {kind: periodic_force, body: block, point: [0, 0, 0.1], direction: [0.3, 0.1, 0.7],
+         cosine: {estimate: 3}, sine: 1, frequency: {estimate: 49.6}}
+  twice: {kind: periodic_moment, body: block, direction: +z, cosine: {same_as: twice.sine},
+          sine: estimate, frequency: {same_as: pump.frequency, times: 2}}
 excitations:
   shaker: {body: block, point: [0, 0, 0.1234567890123456], direction: [0.3, 0.4, 0.11],
            amplitude: 10, frequency: 40, band: [5, 300]}

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from identnl_ros.core.measurement.layout import Layout, Sensor
 from identnl_ros.core.mechanics.joints import Joint
 from identnl_ros.core.mechanics.machine import Body, ConstantForce, Machine
+from identnl_ros.core.mechanics.periodic_force import PeriodicForce
 from identnl_ros.core.mechanics.slideway import Slideway
 
 
@@ -107,13 +108,13 @@ class Description:
             joints = (*joints, joint)
         return replace(self, machine=replace(self.machine, joints=joints))
 
-    def with_force(self, force: ConstantForce) -> 'Description':
+    def with_force(self, force: ConstantForce | PeriodicForce) -> 'Description':
         """
-        Add a constant force.
+        Add a force.
 
         Parameters
         ----------
-        force : ConstantForce
+        force : ConstantForce or PeriodicForce
 
         Returns
         -------
@@ -125,7 +126,7 @@ class Description:
 
     def with_body(self, body: Body) -> 'Description':
         """
-        Put a body in the place of the one of the same name.
+        Add a body, or put it in the place of the one of the same name.
 
         Parameters
         ----------
@@ -136,7 +137,11 @@ class Description:
         Description
 
         """
-        bodies = tuple(body if one.name == body.name else one for one in self.machine.bodies)
+        bodies = self.machine.bodies
+        if any(one.name == body.name for one in bodies):
+            bodies = tuple(body if one.name == body.name else one for one in bodies)
+        else:
+            bodies = (*bodies, body)
         return replace(self, machine=replace(self.machine, bodies=bodies))
 
     def with_sensor(self, sensor: Sensor) -> 'Description':

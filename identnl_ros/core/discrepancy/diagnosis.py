@@ -14,10 +14,16 @@ from enum import Enum
 
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Effect, Hypothesis
+from identnl_ros.core.discrepancy.evidence import Evidence
 from identnl_ros.core.discrepancy.library import EFFECTS, hypotheses_about
 from identnl_ros.core.discrepancy.rereading import reread
 from identnl_ros.core.discrepancy.selection import Finding, SAME, Selection
-from identnl_ros.core.discrepancy.settled_model import settled, SettledModel, start_of
+from identnl_ros.core.discrepancy.settled_model import (
+    settled,
+    SettledModel,
+    start_of,
+    with_noise_anew,
+)
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.model import Model
@@ -159,7 +165,7 @@ def diagnose(
         hypotheses = hypotheses_about(
             present.description, comparison.scale, comparison.residual_ratios(), effects
         )
-        selection = Selection(comparison.evidence(hypotheses), generator)
+        selection = Selection(Evidence(comparison), hypotheses, generator)
         null = selection.null_maxima()
         if not detectable:
             detectable = _detectable(selection, float(np.quantile(null, 0.99)))
@@ -167,9 +173,7 @@ def diagnose(
         if chosen is None:
             break
         finding, after = chosen
-        present = settled(
-            after.description, after.model, reread(record, after.description.layout), after.state
-        )
+        present = with_noise_anew(after, reread(record, after.description.layout))
         named.append(finding)
     return _judged(before, present, named, detectable)
 
@@ -243,36 +247,49 @@ def _judged(
 
 def _final(finding: Finding, before: SettledModel, after: SettledModel) -> NamedEffect:
     """Read the size off the last fit, where it is a parameter of the machine."""
-    effect, place = finding.hypothesis.effect, finding.hypothesis.place
+    hypothesis = finding.hypothesis
+    effect, place = hypothesis.effect, hypothesis.place
     known = {before.model.parameters[i].name for i in before.model.estimated}
     given = {one.name: one.value for one in before.model.parameters}
-    added = f'{effect.part_name(place)}.{effect.size_name}'
+    fitted = _fitted(after)
     changed = f'{place.part}.{effect.size_name}'
-    for i, index in enumerate(after.model.estimated):
-        parameter = after.model.parameters[index]
-        if parameter.name.startswith(added):
-            inner = _inner(finding.hypothesis, after)
-            return NamedEffect(finding, parameter.value, float(after.deviations[i]), inner)
-        if parameter.name == changed and changed not in known:
-            size = parameter.value - _described(before, changed, given)
-            return NamedEffect(finding, size, float(after.deviations[i]))
-    return NamedEffect(finding, finding.size, finding.deviation)
+    inner = _inner(hypothesis, after)
+    size = effect.fitted_size(place, fitted)
+    if size is not None:
+        return NamedEffect(finding, *size, inner)
+    if changed in fitted and changed not in known:
+        value, deviation = fitted[changed]
+        return NamedEffect(finding, value - _described(before, changed, given), deviation)
+    return NamedEffect(finding, finding.size, finding.deviation, inner)
+
+
+def _fitted(settled: SettledModel) -> dict[str, tuple[float, float]]:
+    """Collect estimates and their standard deviations by name."""
+    return {
+        settled.model.parameters[index].name: (
+            settled.model.parameters[index].value,
+            float(deviation),
+        )
+        for index, deviation in zip(settled.model.estimated, settled.deviations, strict=True)
+    }
 
 
 def _inner(hypothesis: Hypothesis, after: SettledModel) -> tuple[InnerValue, ...]:
     """Read inner parameters off the last fit, as far as it fitted them."""
     effect, place = hypothesis.effect, hypothesis.place
     prefix = effect.part_name(place)
-    fitted = {
-        after.model.parameters[index].name: (after.model.parameters[index].value, deviation)
-        for index, deviation in zip(after.model.estimated, after.deviations, strict=True)
-    }
-    result = []
-    for name, tried in hypothesis.inner.items():
-        value, deviation = fitted.get(f'{prefix}.{name}', (tried, float('nan')))
-        unit = effect.inner_unit(name, place)
-        result.append(InnerValue(name, unit, float(value), float(deviation)))
-    return tuple(result)
+    fitted = _fitted(after)
+    values = {one.name: one.value for one in after.model.parameters}
+    numbers = effect.fitted_inner(place, hypothesis.inner, values)
+    return tuple(
+        InnerValue(
+            name,
+            effect.inner_unit(name, place),
+            float(value),
+            fitted.get(f'{prefix}.{name}', (0.0, float('nan')))[1],
+        )
+        for name, value in numbers.items()
+    )
 
 
 def _described(before: SettledModel, name: str, given: dict[str, float]) -> float:

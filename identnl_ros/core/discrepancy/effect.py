@@ -58,17 +58,20 @@ class Place:
 @dataclass(frozen=True)
 class Scale:
     """
-    How far and how fast joints move in the data.
+    How far and how fast joints move in the data, and what stands out of the residual.
 
     Parameters
     ----------
     deformation, rate : mapping of (str, int) to float
         Largest value along (or about) each axis of each joint [m, rad and per s].
+    frequencies : tuple of float
+        Of lines that stand out of the spectrum of the residual [Hz].
 
     """
 
     deformation: Mapping[tuple[str, int], float]
     rate: Mapping[tuple[str, int], float]
+    frequencies: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ class Signals:
     Parameters
     ----------
     time : ndarray, shape (n_samples,)
-        [s].
+        Since the begin of the stream [s].
     readings, rates : mapping of str to ndarray, shape (n_samples,)
         What each sensor should read, and its derivative by time [SI unit, and per s].
     triads : mapping of str to ndarray, shape (n_samples, 3)
@@ -160,6 +163,26 @@ class Effect(ABC):
         """
         return ({},)
 
+    def finer_variants(
+        self, description: Description, place: Place, scale: Scale
+    ) -> Sequence[Mapping[str, float]]:
+        """
+        List inner parameters to try where the effect has been found, before it is fitted.
+
+        Parameters
+        ----------
+        description : Description
+        place : Place
+        scale : Scale
+
+        Returns
+        -------
+        sequence of mapping of str to float
+            Empty where a fit finds its way from any of `variants`.
+
+        """
+        return ()
+
     def inner_unit(self, name: str, place: Place) -> str:
         """
         Give the SI unit of an inner parameter.
@@ -175,6 +198,50 @@ class Effect(ABC):
 
         """
         raise KeyError(name)
+
+    def fitted_inner(
+        self, place: Place, inner: Mapping[str, float], values: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """
+        Read its inner parameters off a machine that has it.
+
+        Parameters
+        ----------
+        place : Place
+        inner : mapping of str to float
+            As tried: what the machine has no parameter for remains.
+        values : mapping of str to float
+            Of the machine's parameters, by name [SI].
+
+        Returns
+        -------
+        mapping of str to float
+            By the names in `inner`.
+
+        """
+        part = self.part_name(place)
+        return {name: values.get(f'{part}.{name}', tried) for name, tried in inner.items()}
+
+    def fitted_size(
+        self, place: Place, fitted: Mapping[str, tuple[float, float]]
+    ) -> tuple[float, float] | None:
+        """
+        Read its size off a machine that has it.
+
+        Parameters
+        ----------
+        place : Place
+        fitted : mapping of str to (float, float)
+            Estimates and their standard deviations, by name [SI].
+
+        Returns
+        -------
+        (float, float) or None
+            None: the machine has no parameter for it.
+
+        """
+        wanted = f'{self.part_name(place)}.{self.size_name}'
+        return next((one for name, one in fitted.items() if name.startswith(wanted)), None)
 
     @abstractmethod
     def applied(
@@ -345,7 +412,7 @@ class Course:
     model : Model
         Assembled from its machine, with the values that fit best.
     time : ndarray, shape (n_samples,)
-        Since the begin of the run [s], equally spaced.
+        Since the begin of the stream [s], equally spaced.
     displacement, velocity, acceleration : ndarray, shape (n_samples, n_coordinates)
         The nominal motion.
     force : ndarray, shape (n_samples, n_excitations)

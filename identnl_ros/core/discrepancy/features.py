@@ -5,8 +5,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import AddedPart, ChangedMachine, Hypothesis
+from identnl_ros.core.discrepancy.effect import (
+    AddedForce,
+    AddedPart,
+    ChangedMachine,
+    Course,
+    Hypothesis,
+)
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.force_derivatives import ForceDerivatives
@@ -27,92 +32,115 @@ class Features:
 
     Parameters
     ----------
-    description : Description
-        As assumed so far.
-    model : Model
-        Assembled from its machine, with the values that fit best.
+    course : Course
+        Of the record, with the description as assumed so far.
     hypotheses : sequence of Hypothesis
-        Of added parts and changed machines.
+        Of added parts, added forces and changed machines.
 
     """
 
-    def __init__(
-        self, description: Description, model: Model, hypotheses: Sequence[Hypothesis]
-    ) -> None:
-        self._model = model
-        self._count = len(hypotheses)
-        self._added: list[tuple[int, int]] = []
-        self._changed: list[tuple[int, float, Model, Reals]] = []
-        joints: list[Joint] = []
-        forces: list[ConstantForce] = []
+    def __init__(self, course: Course, hypotheses: Sequence[Hypothesis]) -> None:
+        self._course = course
+        self._series: list[list[tuple[Reals, Reals]]] = [[] for _ in hypotheses]
+        self._whole: dict[int, Reals] = {}
+        added = []
         for i, one in enumerate(hypotheses):
             if isinstance(one.effect, AddedPart):
-                part = one.effect.part(
-                    description, one.place, one.inner, Coefficient(0.0, True), f'part_{i}'
-                )
-                if isinstance(part, ConstantForce):
-                    forces.append(part)
-                else:
-                    joints.append(part)
+                added.append((i, one, one.effect))
+            elif isinstance(one.effect, AddedForce):
+                self._series[i].append(one.effect.force(course, one.place, one.inner))
             elif isinstance(one.effect, ChangedMachine):
-                unit = one.effect.unit_size(description, one.place)
-                changed = assemble(one.applied(description, unit).machine)
-                changed = _with_values_of(changed, model)
-                transfer = _transfer(model, changed)
-                self._changed.append((i, unit, changed, transfer))
-        machine = replace(
-            description.machine,
-            joints=(*description.machine.joints, *joints),
-            forces=(*description.machine.forces, *forces),
-        )
-        whole = assemble(machine)
-        names = {f'part_{i}': i for i in range(self._count)}
-        for column, index in enumerate(whole.estimated):
-            owner = whole.parameters[index].name.split('.')[0]
-            if owner in names:
-                self._added.append((column, names[owner]))
-        self._whole = whole
-        self._derivatives = ForceDerivatives(whole)
-        self._hidden: Reals | None = None
+                self._whole[i] = self._change(one, one.effect)
+        self._add_parts(added)
 
-    def along(self, displacement: Reals, velocity: Reals, acceleration: Reals) -> Reals:
+    def forces(self, chosen: Sequence[int], begin: int, end: int) -> Reals:
         """
-        Evaluate along the next part of a motion, which begins with the last sample before.
+        Evaluate some hypotheses over some samples.
 
         Parameters
         ----------
-        displacement, velocity, acceleration : ndarray, shape (n_samples, n_coordinates)
+        chosen : sequence of int
+            Places among the hypotheses.
+        begin, end : int
+            Samples.
 
         Returns
         -------
-        ndarray, shape (n_samples, n_coordinates, n_hypotheses)
+        ndarray, shape (end - begin, n_coordinates, n_chosen)
             Added to the right-hand side of the equations of motion [N, N m per unit].
 
         """
-        result = np.zeros((*displacement.shape, self._count))
-        hidden = hidden_motion(self._whole, displacement, velocity, self._hidden)
-        self._hidden = hidden[-1]
-        derivatives = self._derivatives.of_motion(displacement, velocity, acceleration, hidden)
-        for column, place in self._added:
-            result[:, :, place] = -derivatives[:, :, column]
-        own = left_hand_side(self._model, displacement, velocity, acceleration)
-        for place, unit, model, transfer in self._changed:
-            motion = (one @ transfer.T for one in (displacement, velocity, acceleration))
-            changed = left_hand_side(model, *motion) @ transfer
-            result[:, :, place] = (own - changed) / unit
-        return result
+        coordinates = self._course.displacement.shape[1]
+        result = np.zeros((len(chosen), coordinates, end - begin))
+        for column, i in enumerate(chosen):
+            for series, direction in self._series[i]:
+                result[column] += direction[:, np.newaxis] * series[begin:end]
+            if i in self._whole:
+                result[column] += self._whole[i][begin:end].T
+        return np.asarray(result.transpose(2, 1, 0))
+
+    def _add_parts(self, added: Sequence[tuple[int, Hypothesis, AddedPart]]) -> None:
+        """Evaluate parts all at once: as those of one machine."""
+        course = self._course
+        joints: list[Joint] = []
+        forces: list[ConstantForce] = []
+        for i, one, effect in added:
+            part = effect.part(
+                course.description, one.place, one.inner, Coefficient(0.0, True), f'part_{i}'
+            )
+            if isinstance(part, ConstantForce):
+                forces.append(part)
+            else:
+                joints.append(part)
+        machine = course.description.machine
+        # Joints that are there already add nothing: their unknowns are none of these.
+        whole = assemble(
+            replace(machine, joints=(*machine.joints, *joints), forces=(*machine.forces, *forces))
+        )
+        names = {f'part_{i}': i for i, _, _ in added}
+        owner = [
+            names.get(whole.parameters[index].name.split('.')[0]) for index in whole.estimated
+        ]
+        hidden = hidden_motion(whole, course.displacement, course.velocity)
+        lines = ForceDerivatives(whole).along_lines(
+            course.displacement, course.velocity, hidden, course.time
+        )
+        for column, of_line in lines.items():
+            place = owner[column]
+            if place is not None:
+                for line, series in of_line.items():
+                    self._series[place].append((series, -whole.lines[line]))
+        column_of = {index: column for column, index in enumerate(whole.estimated)}
+        for load in whole.loads:
+            place = owner[column_of[load.parameter]] if load.parameter in column_of else None
+            if place is not None:
+                self._series[place].append((np.ones(len(course.time)), load.vector))
+
+    def _change(self, hypothesis: Hypothesis, effect: ChangedMachine) -> Reals:
+        """Evaluate what a change of the machine's numbers changes, per unit."""
+        course, model = self._course, self._course.model
+        motion = course.displacement, course.velocity, course.acceleration
+        unit = effect.unit_size(course.description, hypothesis.place)
+        changed = assemble(hypothesis.applied(course.description, unit).machine)
+        changed = _with_values_of(changed, model, assemble(course.description.machine))
+        transfer = _transfer(model, changed)
+        moved = tuple(one @ transfer.T for one in motion)
+        other = left_hand_side(changed, moved[0], moved[1], moved[2], course.time) @ transfer
+        return (left_hand_side(model, *motion, course.time) - other) / unit
 
 
 def left_hand_side(
-    model: Model, displacement: Reals, velocity: Reals, acceleration: Reals
+    model: Model, displacement: Reals, velocity: Reals, acceleration: Reals, time: Reals
 ) -> Reals:
     """
-    Evaluate inertia and joint forces minus constant loads, (1) of Berczynski et al. (2010).
+    Evaluate inertia and joint forces minus loads, (1) of Berczynski et al. (2010).
 
     Parameters
     ----------
     model : Model
     displacement, velocity, acceleration : ndarray, shape (n_samples, n_coordinates)
+    time : ndarray, shape (n_samples,)
+        Since the begin of the stream [s].
 
     Returns
     -------
@@ -121,15 +149,17 @@ def left_hand_side(
 
     """
     inertia = model.mass_diagonal() * acceleration
-    return np.asarray(inertia + model.joint_force(displacement, velocity) - model.constant_load())
+    force = model.joint_force(displacement, velocity, time=time)
+    return np.asarray(inertia + force - model.constant_load() - model.periodic_load(time))
 
 
-def _with_values_of(model: Model, other: Model) -> Model:
+def _with_values_of(model: Model, fitted: Model, described: Model) -> Model:
+    """Carry fitted values over, but those that the effect itself has changed."""
     values = model.values
-    known = {one.name: one.value for one in other.parameters}
-    changed = {one.name for one in model.parameters if one.inner}
+    known = {one.name: one.value for one in fitted.parameters}
+    before = {one.name: one.value for one in described.parameters}
     for i, one in enumerate(model.parameters):
-        if one.name in known and one.name not in changed and not one.name.endswith('.mass'):
+        if one.name in known and one.value == before[one.name]:
             values[i] = known[one.name]
     return model.with_values(values)
 

@@ -4,10 +4,12 @@
 
 from dataclasses import dataclass
 
+from identnl_ros.core.discrepancy.comparison import Comparison
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.evidence import Comparison
+from identnl_ros.core.discrepancy.force_error import force_error, ForceError
 from identnl_ros.core.discrepancy.settled_model import settled
 from identnl_ros.core.errors import MachineError
+from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.model import Model
 import numpy as np
@@ -32,7 +34,11 @@ class HeldOutError:
     time : ndarray, shape (n_samples,)
         [s].
     measured, simulated : dict of str to ndarray, shape (n_samples,)
-        [SI unit].
+        [SI unit]; NaN: no valid reading.
+    kinds : dict of str to SensorKind
+        Of every sensor.
+    force : ForceError
+        What the equations of motion leave unexplained.
 
     """
 
@@ -42,6 +48,8 @@ class HeldOutError:
     time: Reals
     measured: dict[str, Reals]
     simulated: dict[str, Reals]
+    kinds: dict[str, SensorKind]
+    force: ForceError
 
 
 def held_out_error(description: Description, model: Model, record: MeasuredRecord) -> HeldOutError:
@@ -66,7 +74,7 @@ def held_out_error(description: Description, model: Model, record: MeasuredRecor
         If the motion grows without bound.
 
     """
-    fitted = settled(description, model, record, held=True)
+    fitted = settled(description, model, record, held=True, passes=3)
     comparison = Comparison(description, model, record, fitted.state)
     if comparison.failed:
         raise MachineError(f'machine {model.machine.name}: the simulation does not stay bounded')
@@ -89,6 +97,8 @@ def held_out_error(description: Description, model: Model, record: MeasuredRecor
         float(np.sqrt(np.mean(floors))),
         channels,
         np.arange(len(error)) / record.sample_rate,
-        dict(zip(names, comparison.measured.T, strict=True)),
+        dict(zip(names, np.where(valid, comparison.measured, np.nan).T, strict=True)),
         dict(zip(names, (comparison.measured - error).T, strict=True)),
+        {sensor.name: sensor.kind for sensor in comparison.sensors},
+        force_error(comparison),
     )

@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Effect, Hypothesis, Scale, SensorFault
+from identnl_ros.core.discrepancy.effect import Course, Effect, Hypothesis, Scale, SensorFault
 from identnl_ros.core.discrepancy.features import Features
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.mechanics.assembly import assemble
@@ -17,6 +17,8 @@ import numpy as np
 
 # Run of the machine without the effect, to see how large it would be [s].
 TRIAL = 0.4
+# Of a periodic force: times the middle of the exciters' band.
+FREQUENCY = 1.618
 
 
 @dataclass(frozen=True)
@@ -134,13 +136,18 @@ def relative_size(
             key = joint.name, axis + 1
             deformation[key] = float(np.abs(displacement @ rows[axis]).max())
             rate[key] = float(np.abs(velocity @ rows[axis]).max())
+    band = model.machine.excitations[0].band
+    # Of a periodic force: one that no exciter of this machine is likely to have.
+    frequencies = (float(np.sqrt(band[0] * band[1])) * FREQUENCY,)
     effect, place = hypothesis.effect, hypothesis.place
-    variants = effect.variants(description, place, Scale(deformation, rate))
+    variants = effect.variants(description, place, Scale(deformation, rate, frequencies))
     chosen = Hypothesis(effect, place, variants[len(variants) // 2])
-    features = Features(description, model, [chosen])
-    forces = features.along(displacement, velocity, acceleration)[:, :, 0]
-    time = np.arange(count) / sample_rate
-    driven = np.column_stack([one.on_grid(0.0, 1 / sample_rate, len(time)) for one in signals])
+    driven = np.column_stack([one.on_grid(0.0, interval, count) for one in signals])
+    course = Course(
+        description, model, np.arange(float(count)) * interval, displacement, velocity,
+        acceleration, driven,
+    )  # fmt: skip
+    forces = Features(course, [chosen]).forces([0], 0, count)[:, :, 0]
     masses = model.mass_diagonal()
     strength = float(np.sqrt(np.mean((forces - forces.mean(axis=0)) ** 2 / masses)))
     whole = float(np.sqrt(np.mean((driven @ model.excitation_directions) ** 2 / masses)))

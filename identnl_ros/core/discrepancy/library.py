@@ -11,14 +11,20 @@ from identnl_ros.core.discrepancy.effects.added_mass import AddedMass
 from identnl_ros.core.discrepancy.effects.backlash import Backlash
 from identnl_ros.core.discrepancy.effects.bilinear_stiffness import BilinearStiffness
 from identnl_ros.core.discrepancy.effects.constant_force import UnknownConstantForce
+from identnl_ros.core.discrepancy.effects.contact_opening import ContactOpening
 from identnl_ros.core.discrepancy.effects.coulomb_friction import CoulombFriction
 from identnl_ros.core.discrepancy.effects.coupled_contact import CoupledContact
 from identnl_ros.core.discrepancy.effects.cubic_stiffness import CubicStiffness
+from identnl_ros.core.discrepancy.effects.drifting_stiffness import DriftingStiffness
+from identnl_ros.core.discrepancy.effects.force_delay import ForceDelay
+from identnl_ros.core.discrepancy.effects.force_gain import ForceGain
+from identnl_ros.core.discrepancy.effects.hidden_oscillator import HiddenOscillator
 from identnl_ros.core.discrepancy.effects.hysteresis import Hysteresis
 from identnl_ros.core.discrepancy.effects.linear_stiffness import LinearStiffness
 from identnl_ros.core.discrepancy.effects.missing_joint import MissingJoint
 from identnl_ros.core.discrepancy.effects.quadratic_damping import QuadraticDamping
 from identnl_ros.core.discrepancy.effects.quadratic_stiffness import QuadraticStiffness
+from identnl_ros.core.discrepancy.effects.sensor_drift import SensorDrift
 from identnl_ros.core.discrepancy.effects.sensor_faults import (
     ExchangedChannels,
     KindDelay,
@@ -30,6 +36,9 @@ from identnl_ros.core.discrepancy.effects.sensor_faults import (
 )
 from identnl_ros.core.discrepancy.effects.shifted_centre_of_mass import ShiftedCentreOfMass
 from identnl_ros.core.discrepancy.effects.stribeck_friction import StribeckFriction
+from identnl_ros.core.discrepancy.effects.unmeasured_periodic_force import (
+    UnmeasuredPeriodicForce,
+)
 from identnl_ros.core.discrepancy.effects.viscous_damping import ViscousDamping
 from identnl_ros.core.discrepancy.effects.wrong_exponent import WrongExponent
 from identnl_ros.core.discrepancy.effects.wrong_preload import WrongPreload
@@ -44,22 +53,29 @@ EFFECTS: tuple[Effect, ...] = (
     LinearStiffness(),
     QuadraticStiffness(),
     CubicStiffness(),
+    DriftingStiffness(),
     ViscousDamping(),
     WrongExponent(),
     WrongPreload(),
     CoupledContact(),
+    ContactOpening(),
     MissingJoint(),
     AddedMass(),
     AddedInertia(),
     ShiftedCentreOfMass(),
     UnknownConstantForce(),
+    HiddenOscillator(),
+    UnmeasuredPeriodicForce(),
     SensorGain(),
     SwappedPolarity(),
     SensorOffset(),
+    SensorDrift(),
     SensorDelay(),
     KindDelay(),
     ExchangedChannels(),
     WrongDirection(),
+    ForceGain(),
+    ForceDelay(),
 )
 
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the recorded numbers mean if another layout is right."""
 
+from dataclasses import replace
+
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 import numpy as np
@@ -22,8 +24,9 @@ def reread(record: MeasuredRecord, layout: Layout) -> MeasuredRecord:
     MeasuredRecord
 
     """
+    time = record.time
     columns = [
-        new.to_si(old.to_recorded(record.samples[:, i]))
+        new.to_si(old.to_recorded(record.samples[:, i], time), time)
         for i, (old, new) in enumerate(zip(record.layout.sensors, layout.sensors, strict=True))
     ]
-    return MeasuredRecord(layout, record.sample_rate, np.column_stack(columns))
+    return replace(record, layout=layout, samples=np.column_stack(columns))

@@ -9,10 +9,15 @@ library, whose hypotheses resemble one another (max-T test of Westfall and Young
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+import os
 
-from identnl_ros.core.discrepancy.effect import Hypothesis
-from identnl_ros.core.discrepancy.evidence import Evidence
+from identnl_ros.core.discrepancy.effect import Hypothesis, SensorFault
+from identnl_ros.core.discrepancy.evidence import Evidence, real_rows
+from identnl_ros.core.discrepancy.force_noise import Lines
+from identnl_ros.core.discrepancy.machine_columns import MachineColumns
+from identnl_ros.core.discrepancy.sensor_columns import SensorColumns
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
@@ -23,7 +28,7 @@ FALSE_ALARM_RATE = 0.01
 # A hypothesis of which less than this share is left beside the unknowns says the same as they.
 DISTINCT = 1e-5
 DRAWS = 4000
-BUCKETS = 4096
+BUCKETS = 1024
 # Twice the logarithm of the ratio of likelihoods above which another hypothesis is out.
 DECISIVE = 14.0
 # A difference of gains that is no difference.
@@ -59,29 +64,34 @@ class Finding:
 
 class Selection:
     """
-    Forward selection among the hypotheses of a regression.
+    Forward selection among hypotheses.
 
     Parameters
     ----------
     evidence : Evidence
+    hypotheses : sequence of Hypothesis
     generator : numpy.random.Generator
         For the draws of noise.
 
     """
 
-    def __init__(self, evidence: Evidence, generator: np.random.Generator) -> None:
-        self.hypotheses = evidence.hypotheses
+    def __init__(
+        self,
+        evidence: Evidence,
+        hypotheses: Sequence[Hypothesis],
+        generator: np.random.Generator,
+    ) -> None:
+        inner = [one for one in hypotheses if not isinstance(one.effect, SensorFault)]
+        faults = [one for one in hypotheses if isinstance(one.effect, SensorFault)]
+        self.hypotheses = (*inner, *faults)
         self._generator = generator
-        basis = _basis(evidence.base)
-        self.residual = evidence.residual - basis @ (basis.T @ evidence.residual)
-        self.freedom = len(self.residual) - basis.shape[1]
-        lengths = np.sqrt(_squares(evidence.columns))
-        lengths[lengths == 0] = 1.0
-        self._lengths = lengths
-        columns = evidence.columns / lengths.astype(evidence.columns.dtype)
-        small = basis.astype(columns.dtype)
-        self._columns = columns - small @ (small.T @ columns)
-        self._shares = _squares(self._columns)
+        left = remaining(evidence)
+        machine = _of_machine(evidence, inner, left, generator)
+        sensors, self._fault_products = _of_sensors(evidence, faults, left)
+        self._sketch = machine.sketch
+        self._products = np.concatenate((machine.products, sensors.products))
+        self._squares = np.concatenate((machine.squares, sensors.squares))
+        self._shares = np.concatenate((machine.shares, sensors.shares))
 
     @property
     def _distinct(self) -> NDArray[np.bool_]:
@@ -99,8 +109,7 @@ class Selection:
         """
         used = self._distinct
         scores = np.zeros(len(used))
-        products = self._columns.T @ self.residual.astype(self._columns.dtype)
-        scores[used] = products[used] / np.sqrt(self._shares[used])
+        scores[used] = self._products[used] / np.sqrt(self._squares[used])
         return scores
 
     def sizes(self) -> tuple[Reals, Reals]:
@@ -115,7 +124,7 @@ class Selection:
         """
         used = self._distinct
         deviations = np.full(len(used), np.inf)
-        deviations[used] = 1 / (np.sqrt(self._shares[used]) * self._lengths[used])
+        deviations[used] = 1 / np.sqrt(self._squares[used])
         sizes = np.zeros(len(used))
         sizes[used] = self.scores()[used] * deviations[used]
         return sizes, deviations
@@ -130,9 +139,23 @@ class Selection:
 
         """
         used = self._distinct
-        sketch = _sketch(self._columns, self._generator)[:, used] / np.sqrt(self._shares[used])
-        draws = self._generator.standard_normal((DRAWS, len(sketch))) @ sketch
-        return np.asarray(np.abs(draws).max(axis=1))
+        count = len(self._sketch)
+        maxima = np.zeros(DRAWS)
+        sketch = self._sketch[used[:count]]
+        if len(sketch):
+            # Columns of the machine and of sensors are drawn apart: if that matters, the limit
+            # is a little too high.
+            sketch = sketch / np.linalg.norm(sketch, axis=1, keepdims=True)
+            noise = self._generator.standard_normal((DRAWS, sketch.shape[1]), dtype=np.float32)
+            maxima = np.abs(noise @ sketch.T).max(axis=1).astype(np.float64)
+        among = self._fault_products[np.ix_(used[count:], used[count:])]
+        if len(among):
+            size = np.sqrt(np.diag(among))
+            squares, directions = np.linalg.eigh(among / np.outer(size, size))
+            root = directions * np.sqrt(np.maximum(squares, 0.0))
+            draws = self._generator.standard_normal((DRAWS, len(among)))
+            maxima = np.maximum(maxima, np.abs(draws @ root.T).max(axis=1))
+        return np.asarray(maxima, dtype=np.float64)
 
     def best(self, null: Reals, excluded: Sequence[tuple[str, str]] = ()) -> Finding | None:
         """
@@ -178,28 +201,6 @@ class Selection:
             float(scores[leader] ** 2), probability, tuple(rivals.values()),
         )  # fmt: skip
 
-    def add(self, hypothesis: Hypothesis) -> None:
-        """
-        Take a hypothesis as part of the model.
-
-        Parameters
-        ----------
-        hypothesis : Hypothesis
-
-        """
-        i = self.hypotheses.index(hypothesis)
-        unit = self._columns[:, i] / np.float32(np.sqrt(self._shares[i]))
-        self.residual = self.residual - unit * (unit @ self.residual)
-        self._columns -= np.outer(unit, unit @ self._columns)
-        self._shares = _squares(self._columns)
-        self.freedom -= 1
-
-    @property
-    def excess(self) -> float:
-        """Mean square of the residual; 1 where noise explains it."""
-        total: float = np.sum(self.residual**2)
-        return float(total / self.freedom)
-
 
 def tail(score: float, null: Reals) -> float:
     """
@@ -224,24 +225,118 @@ def tail(score: float, null: Reals) -> float:
     return float(min(FALSE_ALARM_RATE, 2 * number * norm.sf(score)))
 
 
-def _basis(table: Reals) -> Reals:
-    """Find an orthonormal basis of the columns, as far as they are distinct."""
-    lengths = np.linalg.norm(table, axis=0)
-    used = lengths > 0
-    left, sizes, _ = np.linalg.svd(table[:, used] / lengths[used], full_matrices=False)
-    return np.asarray(left[:, sizes > 1e-9 * sizes.max(initial=1.0)])
+@dataclass(frozen=True)
+class Remaining:
+    """
+    What the unknowns and the initial state leave.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n_sensors, n_lines)
+        Complex.
+    basis : ndarray, shape (n_basis, n_motion_channels, n_lines)
+        Complex; orthonormal as real rows. What the unknowns and the initial state can explain.
+
+    """
+
+    residual: Lines
+    basis: Lines
 
 
-def _squares(columns: Reals) -> Reals:
-    return np.asarray(np.einsum('ij,ij->j', columns, columns, dtype=np.float64))
+def remaining(evidence: Evidence) -> Remaining:
+    """
+    Take out what the unknowns and the initial state explain.
+
+    Parameters
+    ----------
+    evidence : Evidence
+
+    Returns
+    -------
+    Remaining
+
+    """
+    rows = real_rows(evidence.base)
+    lengths = np.linalg.norm(rows, axis=1)
+    rows = rows[lengths > 0] / lengths[lengths > 0, np.newaxis]
+    left, triangle = np.linalg.qr(rows.T)
+    outer, sizes, _ = np.linalg.svd(triangle)
+    basis = np.ascontiguousarray((left @ outer[:, sizes > 1e-9 * sizes.max(initial=1.0)]).T)
+    motion = evidence.channels.count
+    residual = evidence.residual.copy()
+    own = real_rows(residual[None, :motion])[0]
+    own = own - basis.T @ (basis @ own)
+    lines = residual.shape[1]
+    residual[:motion] = own.view(np.complex128).reshape(motion, lines)
+    return Remaining(residual, basis.view(np.complex128).reshape(len(basis), motion, lines))
 
 
-def _sketch(columns: Reals, generator: np.random.Generator) -> Reals:
-    """Keep the inner products of columns, to a few percent, in fewer rows."""
-    count = len(columns)
-    signs = generator.choice(np.array([-1.0, 1.0], columns.dtype), count)
-    order = generator.permutation(count)
-    rows = -(-count // BUCKETS) * BUCKETS
-    padded = np.zeros((rows, columns.shape[1]), columns.dtype)
-    padded[:count] = columns[order] * signs[:, np.newaxis]
-    return np.asarray(padded.reshape(-1, BUCKETS, columns.shape[1]).sum(axis=0))
+@dataclass(frozen=True)
+class _Columns:
+    """Columns beyond what the unknowns explain: products with the residual, squares, shares."""
+
+    products: Reals
+    squares: Reals
+    shares: Reals
+    sketch: NDArray[np.float32]
+
+
+def _of_machine(
+    evidence: Evidence,
+    hypotheses: Sequence[Hypothesis],
+    left: Remaining,
+    generator: np.random.Generator,
+) -> _Columns:
+    columns = MachineColumns(evidence, hypotheses)
+    motion = evidence.channels.count
+    residual = real_rows(left.residual[None, :motion])[0]
+    basis = real_rows(left.basis).astype(np.float32)
+    signs = generator.choice(np.array([-1, 1], np.float32), len(residual))
+
+    def work(block: Sequence[int]) -> _Columns:
+        table = columns.of(block)
+        lengths = np.sqrt(_squares(table))
+        lengths[lengths == 0] = 1.0
+        table /= lengths[:, np.newaxis].astype(np.float32)
+        table -= (table @ basis.T) @ basis
+        shares = _squares(table)
+        # Noise of single precision, summed in double.
+        products = np.einsum('ij,j->i', table, residual) * lengths
+        return _Columns(products, shares * lengths**2, shares, _sketch(table * signs))
+
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        parts = list(pool.map(work, columns.blocks))
+    if not parts:
+        none = np.zeros(0)
+        return _Columns(none, none, none, np.zeros((0, BUCKETS), np.float32))
+    return _Columns(
+        np.concatenate([one.products for one in parts]),
+        np.concatenate([one.squares for one in parts]),
+        np.concatenate([one.shares for one in parts]),
+        np.concatenate([one.sketch for one in parts]),
+    )
+
+
+def _of_sensors(
+    evidence: Evidence, hypotheses: Sequence[Hypothesis], left: Remaining
+) -> tuple[_Columns, Reals]:
+    columns = SensorColumns(evidence, hypotheses)
+    gram = columns.gram()
+    explained = columns.products(left.basis)
+    beyond = gram - explained @ explained.T
+    whole, squares = np.diag(gram), np.maximum(np.diag(beyond), 0.0)
+    shares = np.divide(squares, whole, out=np.zeros_like(squares), where=whole > 0)
+    products = columns.products(left.residual[None])[:, 0]
+    return _Columns(products, squares, shares, np.zeros((0, BUCKETS), np.float32)), beyond
+
+
+def _squares(rows: NDArray[np.floating]) -> Reals:
+    return np.asarray(np.einsum('ij,ij->i', rows, rows, dtype=np.float64))
+
+
+def _sketch(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Keep the inner products of rows with random signs, to a few percent, in fewer numbers."""
+    count = rows.shape[1]
+    padded = np.zeros((len(rows), -(-count // BUCKETS) * BUCKETS), np.float32)
+    padded[:, :count] = rows
+    return np.asarray(padded.reshape(len(rows), -1, BUCKETS).sum(axis=1))

@@ -4,8 +4,9 @@
 
 from dataclasses import dataclass
 
+from identnl_ros.core.discrepancy.comparison import Comparison, State
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.evidence import Comparison
+from identnl_ros.core.discrepancy.evidence import Evidence, real_rows
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
@@ -17,10 +18,16 @@ Reals = NDArray[np.float64]
 
 PASSES = 6
 HALVINGS = 6
-# The last step may be this many standard errors (root mean square).
-SMALL_STEP = 0.05
+# The last step may be this many standard errors (root mean square): convergence is quadratic, the
+# error that is left after it is far smaller.
+SMALL_STEP = 0.3
+# Relative change of a noise that is no change.
+SAME_NOISE = 0.01
 # Directions of the unknowns that the data see less than this, relatively, are left alone.
 UNSEEN = 1e-9
+# Factor by which numbers of parts that no sensor sees may change in a step, and steps then.
+LARGEST_CHANGE = 3.0
+UNSEEN_PASSES = 14
 # Times that what is left may grow in a step, beyond which the step is too long.
 GROWTH = 1.5
 # Beyond this, responses to a step cannot be told from growth without bound.
@@ -45,8 +52,8 @@ class SettledModel:
         Mean square of what is left, over that of noise.
     freedom : int
         Degrees of freedom of that.
-    state : tuple of ndarray
-        Displacement and velocity at the first sample compared.
+    state : State
+        At the first sample compared.
 
     """
 
@@ -56,7 +63,7 @@ class SettledModel:
     deviations: Reals
     excess: float
     freedom: int
-    state: tuple[Reals, Reals]
+    state: State
 
     @property
     def cost(self) -> float:
@@ -79,7 +86,7 @@ def settled(
     description: Description,
     model: Model,
     record: MeasuredRecord,
-    state: tuple[Reals, Reals] | None = None,
+    state: State | None = None,
     held: bool = False,
     passes: int = PASSES,
     noise: Reals | None = None,
@@ -93,8 +100,8 @@ def settled(
     model : Model
         Assembled from its machine; its values are the start.
     record : MeasuredRecord
-    state : tuple of ndarray or None
-        Initial displacement and velocity to start from; None: from the first samples.
+    state : State or None
+        Initial state to start from; None: from the first samples.
     held : bool
         The unknowns stay; only the initial state is improved.
     passes : int
@@ -110,6 +117,9 @@ def settled(
     fixed = noise is not None
     best: SettledModel | None = None
     base = model, state, np.zeros(0)
+    unseen = _unseen_parts(model, record)
+    if unseen and not held:
+        passes = max(passes, UNSEEN_PASSES)
     for _ in range(passes):
         comparison = Comparison(description, model, record, state, noise)
         noise = comparison.deviation
@@ -118,7 +128,7 @@ def settled(
             # Too far: the linearisation does not hold.
             origin, base_state, step = base
             base = origin, base_state, step / 2
-            model, state = _after(origin, base_state, step / 2, held)
+            model, state = _after(origin, base_state, step / 2, held, unseen)
             continue
         if solved is None:
             raise MachineError(
@@ -127,12 +137,12 @@ def settled(
             )
         freedom = solved.rows - len(solved.step)
         motion = comparison.motion
-        begin = motion.displacement[0], motion.velocity[0]
-        base = model, begin, solved.step
         earlier = comparison.state
-        model, state = _after(*base, held)
+        begin = State(motion.displacement[0], motion.velocity[0], earlier.hidden)
+        base = model, begin, solved.step
+        model, state = _after(*base, held, unseen)
         assert state is not None
-        moved = np.concatenate((state[0] - earlier[0], state[1] - earlier[1]))
+        moved = state.flat - earlier.flat
         change = np.concatenate((solved.step[: -len(moved)], moved)) / solved.spread
         if best is None or solved.left < best.cost:
             best = SettledModel(
@@ -142,13 +152,32 @@ def settled(
         if np.sqrt(np.mean(change**2)) < SMALL_STEP:
             break
     assert best is not None
-    return best if fixed else _with_noise_anew(best, record, held)
+    return best if fixed else with_noise_anew(best, record, held)
 
 
-def _with_noise_anew(settled: SettledModel, record: MeasuredRecord, held: bool) -> SettledModel:
-    """Read the noise off what is left in the end, and judge by that."""
-    comparison = Comparison(settled.description, settled.model, record, settled.state)
-    solved = None if comparison.failed else _solved(comparison, held)
+def with_noise_anew(
+    settled: SettledModel, record: MeasuredRecord, held: bool = False
+) -> SettledModel:
+    """
+    Read the noise off what is left in the end, and judge by that.
+
+    Parameters
+    ----------
+    settled : SettledModel
+    record : MeasuredRecord
+    held : bool
+        Only the initial state was fitted.
+
+    Returns
+    -------
+    SettledModel
+
+    """
+    noise = settled.comparison.noise()
+    if np.allclose(noise, settled.comparison.deviation, rtol=SAME_NOISE):
+        return settled
+    comparison = Comparison(settled.description, settled.model, record, settled.state, noise)
+    solved = _solved(comparison, held)
     if solved is None:
         return settled
     freedom = solved.rows - len(solved.step)
@@ -171,31 +200,50 @@ class _Solved:
 
 def _solved(comparison: Comparison, held: bool) -> _Solved | None:
     """Solve the regression; None where the linearised motion grows without bound."""
+    if comparison.failed:
+        return None
     with np.errstate(over='ignore', invalid='ignore'):
-        evidence = comparison.evidence(())
+        evidence = Evidence(comparison)
     unknowns = len(comparison.model.estimated)
-    table = evidence.base[:, unknowns:] if held else evidence.base
-    if not (np.isfinite(table).all() and np.isfinite(evidence.residual).all()):
+    table = real_rows(evidence.base[unknowns:] if held else evidence.base)
+    motion = evidence.channels.count
+    residual = real_rows(evidence.residual[None, :motion])[0]
+    largest = max(np.abs(table).max(initial=0.0), np.abs(residual).max())
+    if not largest < LARGEST:
         return None
-    if max(np.abs(table).max(initial=0.0), np.abs(evidence.residual).max()) > LARGEST:
-        return None
-    step, deviations, explained = _step(table, evidence.residual)
-    left = float(evidence.residual @ evidence.residual) - explained
+    step, deviations, unexplained = _step(table.T, residual)
+    # Not the difference of two squares, of which little may be left.
+    left = float(np.sum(np.abs(evidence.residual[motion:]) ** 2)) + unexplained
     if held:
         own = np.zeros(unknowns)
         step, deviations = np.concatenate((own, step)), np.concatenate((own + np.inf, deviations))
-    return _Solved(step, deviations[:unknowns], left, len(evidence.residual), deviations)
+    return _Solved(step, deviations[:unknowns], left, evidence.rows, deviations)
 
 
 def _after(
-    model: Model, state: tuple[Reals, Reals] | None, step: Reals, held: bool
-) -> tuple[Model, tuple[Reals, Reals] | None]:
+    model: Model,
+    state: State | None,
+    step: Reals,
+    held: bool,
+    unseen: frozenset[str],
+) -> tuple[Model, State | None]:
     if state is None:
         return model, None
-    n = len(model.coordinates)
-    unknowns = len(step) - 2 * n
-    moved = model if held else _moved(model, step[:unknowns])
-    return moved, (state[0] + step[unknowns : unknowns + n], state[1] + step[unknowns + n :])
+    unknowns = len(model.estimated)
+    moved = model if held else _moved(model, step[:unknowns].copy(), unseen)
+    return moved, state.moved(step[unknowns:])
+
+
+def _unseen_parts(model: Model, record: MeasuredRecord) -> frozenset[str]:
+    """Find bodies on which there is no sensor, and their joints."""
+    seen = {sensor.body for sensor in record.layout.sensors if sensor.body}
+    bodies = {body.name for body in model.machine.bodies} - seen
+    joints = {
+        joint.name
+        for joint in model.machine.joints
+        if joint.body in bodies or joint.other_body in bodies
+    }
+    return frozenset(bodies | joints)
 
 
 def start_of(description: Description, values: dict[str, float]) -> Model:
@@ -223,21 +271,28 @@ def start_of(description: Description, values: dict[str, float]) -> Model:
 
 
 def _step(base: Reals, residual: Reals) -> tuple[Reals, Reals, float]:
-    """Solve the regression: the step, its standard deviations, what it explains."""
+    """Solve the regression: the step, its standard deviations, what it leaves."""
     lengths = np.linalg.norm(base, axis=0)
     lengths[lengths == 0] = 1.0
-    left, sizes, right = np.linalg.svd(base / lengths, full_matrices=False)
+    basis, triangle = np.linalg.qr(base / lengths)
+    left, sizes, right = np.linalg.svd(triangle)
     used = sizes > UNSEEN * sizes.max(initial=0.0)
-    part = left[:, used].T @ residual
+    part = left[:, used].T @ (basis.T @ residual)
     inverse = right[used].T / sizes[used]
     deviations = np.sqrt((inverse**2).sum(axis=1)) / lengths
     deviations[deviations == 0] = np.inf
-    return inverse @ part / lengths, deviations, float(part @ part)
+    rest = residual - basis @ (left[:, used] @ part)
+    return inverse @ part / lengths, deviations, float(rest @ rest)
 
 
-def _moved(model: Model, step: Reals) -> Model:
+def _moved(model: Model, step: Reals, unseen: frozenset[str]) -> Model:
     """Go as much of a step as the machine allows."""
     values = model.values[list(model.estimated)]
+    for i, index in enumerate(model.estimated):
+        # Motion that no sensor sees can go astray unnoticed.
+        if model.parameters[index].name.split('.')[0] in unseen and values[i] > 0:
+            low, high = values[i] / LARGEST_CHANGE, values[i] * LARGEST_CHANGE
+            step[i] = np.clip(values[i] + step[i], low, high) - values[i]
     for _ in range(HALVINGS):
         try:
             moved = model.with_unknowns(values + step)

@@ -67,6 +67,7 @@ def force_noise_effect(
     sample_rate: float,
     state: tuple[Reals, Reals],
     average: int,
+    start: float = 0.0,
 ) -> ForceNoise:
     """
     Find the effect of force noise on a fit to one record.
@@ -88,6 +89,8 @@ def force_noise_effect(
         Displacement and velocity at the first sample.
     average : int
         Samples over which residuals are averaged.
+    start : float
+        Time of the first sample that is used since the begin of the stream [s].
 
     Returns
     -------
@@ -106,8 +109,10 @@ def force_noise_effect(
     size = np.linalg.eigh(force_covariance)
     root = size.eigenvectors * np.sqrt(np.maximum(size.eigenvalues, 0.0))
     signals = tuple(RecordedForce(one, sample_rate) for one in force.T)
-    simulation = VariedSimulation(model, signals, 1 / sample_rate, *state, sensitive=False)
-    response = TangentResponse(model, 1 / sample_rate, DRAWS)
+    simulation = VariedSimulation(
+        model, signals, 1 / sample_rate, *state, sensitive=False, origin=start
+    )
+    response = TangentResponse(model, 1 / sample_rate, DRAWS, start)
     columns = unknowns + 2 * len(model.coordinates)
     information = Information.empty(columns + DRAWS - 1)
     last = np.zeros((1, len(model.coordinates), DRAWS))

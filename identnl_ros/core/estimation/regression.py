@@ -66,6 +66,7 @@ class PointwiseRegression:
         velocity: NDArray[np.float64],
         acceleration: NDArray[np.float64],
         force: NDArray[np.float64],
+        time: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
         Evaluate regressor and target at a number of instants.
@@ -74,6 +75,8 @@ class PointwiseRegression:
         ----------
         displacement, velocity, acceleration, force : ndarray, shape (n_samples, n_coordinates)
             As in `MotionBlock`.
+        time : ndarray, shape (n_samples,), or None
+            Since the begin of the stream [s]; needed where forces depend on it.
 
         Returns
         -------
@@ -82,11 +85,19 @@ class PointwiseRegression:
         target : ndarray, shape (n_samples * n_coordinates,)
             Y of (41) [N, N m].
 
+        Raises
+        ------
+        MachineError
+            If the time is needed and not given.
+
         """
         known = self._known
         target = force - known.mass_diagonal() * acceleration + known.constant_load()
-        target -= known.joint_force(displacement, velocity)
-        regressor = self._derivatives.of_motion(displacement, velocity, acceleration)
+        times = self.model.times(time, len(displacement))
+        target += known.periodic_load(times) - known.joint_force(
+            displacement, velocity, time=times
+        )
+        regressor = self._derivatives.of_motion(displacement, velocity, acceleration, time=times)
         return regressor.reshape(-1, self.size), target.reshape(-1)
 
     def _is_known(self, parameter: int) -> bool:

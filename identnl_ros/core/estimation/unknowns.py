@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every identifier asks of the machine and of the motion it is given."""
 
-from identnl_ros.core.errors import DataError
+from identnl_ros.core.errors import DataError, MachineError
 from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus, ParameterEstimate
 from identnl_ros.core.measurement.blocks import MotionBlock
 from identnl_ros.core.mechanics.model import Model
@@ -31,6 +31,29 @@ def require_unknowns(model: Model) -> None:
     for parameter in model.parameters:
         if not parameter.estimated and np.isnan(parameter.value):
             raise DataError(f'{parameter.name}: known but without a value')
+
+
+def require_no_time(model: Model, estimator: str) -> None:
+    """
+    Refuse a machine whose forces depend on time.
+
+    Parameters
+    ----------
+    model : Model
+    estimator : str
+        That cannot take it.
+
+    Raises
+    ------
+    MachineError
+        If a force is periodic or a stiffness drifts.
+
+    """
+    if model.time_dependent:
+        raise MachineError(
+            f'machine {model.machine.name}: it has a periodic force or a stiffness that drifts, '
+            f'which the {estimator} estimator does not take; use the likelihood estimator'
+        )
 
 
 def require_same_unknowns(expected: tuple[str, ...], found: tuple[str, ...]) -> None:

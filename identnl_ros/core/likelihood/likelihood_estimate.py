@@ -38,8 +38,8 @@ def likelihood_estimate(
     Parameters
     ----------
     model : Model
-        Where the sensors see every motion of the bodies, unknown coefficients need no value;
-        else the search starts from the values given here.
+        Where the sensors see every motion of the bodies and no force depends on time, unknown
+        coefficients need no value; else the search starts from the values given here.
     records : sequence of MeasuredRecord
     sensor_unknowns : tuple of SensorUnknown
         Offsets, gains and delays to be estimated too.
@@ -56,7 +56,8 @@ def likelihood_estimate(
 
     """
     require_unknowns(model)
-    start = _weak_start(model, records)
+    # The weak estimator does not take forces that depend on time.
+    start = None if model.time_dependent else _weak_start(model, records)
     settings = LikelihoodSettings(pieces=start is None, keep_residuals=True)
     fit = fit_likelihood(start or model, records, sensor_unknowns, settings)
     return _judged(fit, records, sensor_unknowns)
@@ -73,7 +74,15 @@ def _weak_start(model: Model, records: Sequence[MeasuredRecord]) -> Model | None
         channels = record.samples.shape[1]
         status = np.zeros(channels, np.uint8)
         motion = transform.add(
-            SampleBlock(number, 0, 0, record.sample_rate, record.samples, status, last=True)
+            SampleBlock(
+                number,
+                0,
+                record.first_index,
+                record.sample_rate,
+                record.samples,
+                status,
+                last=True,
+            )
         )
         if motion is not None:
             identifier.add(motion)
@@ -169,6 +178,7 @@ def _force_noise(fit: LikelihoodFit, record: MeasuredRecord, average: int) -> Fo
         record.sample_rate,
         (displacement, velocity),
         average,
+        (record.first_index + first) / record.sample_rate,
     )
 
 

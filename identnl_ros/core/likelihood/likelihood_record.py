@@ -44,6 +44,8 @@ class PreparedRecord:
         1 / standard deviation; 0 where not valid.
     initial_displacement, initial_velocity : ndarray, shape (n_coordinates,)
         From the first samples.
+    origin : float
+        Time of the first sample of the record since the begin of the stream [s].
 
     """
 
@@ -55,6 +57,7 @@ class PreparedRecord:
     weights: NDArray[np.float64]
     initial_displacement: NDArray[np.float64]
     initial_velocity: NDArray[np.float64]
+    origin: float
 
     @property
     def valid(self) -> int:
@@ -105,7 +108,7 @@ def prepare(model: Model, record: MeasuredRecord, prediction: SensorPrediction) 
     prepared = PreparedRecord(
         prediction, measured_forces(model, record), record.sample_rate, margin,
         np.where(weights > 0, measured, 0.0), weights,
-        np.zeros(len(model.coordinates)), np.zeros(len(model.coordinates)),
+        np.zeros(len(model.coordinates)), np.zeros(len(model.coordinates)), record.origin,
     )  # fmt: skip
     return stretch(model, record, prepared, 0, len(measured))
 

@@ -189,6 +189,7 @@ def _simulation(
         start=record.first / record.sample_rate,
         step_limit=step_limit,
         sensitive=sensitive,
+        origin=record.origin,
     )
 
 

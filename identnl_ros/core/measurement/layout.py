@@ -64,6 +64,8 @@ class Sensor:
         Recorded unit per SI unit.
     offset : float
         Recorded value at zero [recorded unit].
+    drift : float
+        Growth of the offset since the begin of the stream [recorded unit per s].
     delay : float
         The recorded value shows the quantity this long before its time stamp [s].
     noise : float
@@ -91,6 +93,7 @@ class Sensor:
     recorded_unit: str = ''
     gain: float = 1.0
     offset: float = 0.0
+    drift: float = 0.0
     delay: float = 0.0
     noise: float = float('nan')
     resolution: float = 0.0
@@ -127,8 +130,8 @@ class Sensor:
             object.__setattr__(self, 'direction', self.direction / length)
         if not np.isfinite(self.gain) or self.gain == 0:
             raise LayoutError(f'{where}: gain is {self.gain}, expected a finite number, not 0')
-        if not (np.isfinite(self.offset) and np.isfinite(self.delay)):
-            raise LayoutError(f'{where}: offset and delay must be finite numbers')
+        if not np.isfinite([self.offset, self.drift, self.delay]).all():
+            raise LayoutError(f'{where}: offset, drift and delay must be finite numbers')
         for name in ('noise', 'resolution'):
             if getattr(self, name) < 0 or np.isinf(getattr(self, name)):
                 raise LayoutError(
@@ -142,7 +145,9 @@ class Sensor:
         object.__setattr__(self, 'column', self.column or self.name)
         object.__setattr__(self, 'recorded_unit', self.recorded_unit or self.kind.unit)
 
-    def to_si(self, recorded: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_si(
+        self, recorded: NDArray[np.float64], time: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """
         Convert recorded numbers to the SI unit of the quantity.
 
@@ -150,6 +155,8 @@ class Sensor:
         ----------
         recorded : ndarray
             [recorded unit].
+        time : ndarray
+            The same shape, since the begin of the stream [s].
 
         Returns
         -------
@@ -157,9 +164,11 @@ class Sensor:
             The same shape [SI unit].
 
         """
-        return (recorded - self.offset) / self.gain
+        return (recorded - self.offset - self.drift * time) / self.gain
 
-    def to_recorded(self, quantity: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_recorded(
+        self, quantity: NDArray[np.float64], time: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """
         Convert SI values to recorded numbers.
 
@@ -167,6 +176,8 @@ class Sensor:
         ----------
         quantity : ndarray
             [SI unit].
+        time : ndarray
+            The same shape, since the begin of the stream [s].
 
         Returns
         -------
@@ -174,7 +185,7 @@ class Sensor:
             The same shape [recorded unit].
 
         """
-        return self.gain * quantity + self.offset
+        return self.gain * quantity + self.offset + self.drift * time
 
 
 @dataclass(frozen=True)

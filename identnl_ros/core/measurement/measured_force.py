@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The force of every exciter from the cells that measure it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identnl_ros.core.errors import DataError, LayoutError
+from identnl_ros.core.measurement.layout import Sensor
 from identnl_ros.core.measurement.measured_record import MARGIN, MeasuredRecord
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.simulation.excitation import RecordedForce, Signal
@@ -82,17 +84,33 @@ def measured_forces(model: Model, record: MeasuredRecord) -> tuple[Signal, ...]:
                 f'record: the force of excitation "{point.name}" is not known for more than '
                 f'{LONGEST_GAP} samples from sample {lost} on; cut the record there'
             )
-        noise = np.array([sensors[i].noise for i in whole])
-        stated = bool(np.all(noise > 0))
-        weights = 1 / noise**2 if stated else np.ones(len(whole))
         signals.append(
             MeanForce(
                 tuple(RecordedForce(one, record.sample_rate) for one in whole.values()),
-                tuple((weights / weights.sum()).tolist()),
+                tuple(cell_weights([sensors[i] for i in whole]).tolist()),
                 tuple(sensors[i].delay for i in whole),
             )
         )
     return tuple(signals)
+
+
+def cell_weights(cells: Sequence[Sensor]) -> NDArray[np.float64]:
+    """
+    Weigh the cells that measure one force by their noise; alike where it is not stated.
+
+    Parameters
+    ----------
+    cells : sequence of Sensor
+
+    Returns
+    -------
+    ndarray, shape (n_cells,)
+        Their sum is one.
+
+    """
+    noise = np.array([cell.noise for cell in cells])
+    weights = 1 / noise**2 if np.all(noise > 0) else np.ones(len(noise))
+    return np.asarray(weights / weights.sum())
 
 
 def _bridged(samples: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A measured record and the noise in it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.layout import Layout
@@ -26,6 +26,8 @@ class MeasuredRecord:
         [Hz].
     samples : ndarray, shape (n_samples, n_channels)
         SI; NaN where there is no valid sample.
+    first_index : int
+        Index of the first sample in its stream, which begins with index 0.
 
     Raises
     ------
@@ -37,6 +39,7 @@ class MeasuredRecord:
     layout: Layout
     sample_rate: float
     samples: NDArray[np.float64]
+    first_index: int = 0
 
     def __post_init__(self) -> None:
         """Check what the fit relies on."""
@@ -50,6 +53,33 @@ class MeasuredRecord:
                 f'record: {len(self.samples)} samples are too few for a fit, '
                 f'expected at least {4 * MARGIN}'
             )
+
+    @property
+    def origin(self) -> float:
+        """Time of the first sample since the begin of the stream [s]."""
+        return self.first_index / self.sample_rate
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time of the samples since the begin of the stream [s], shape (n_samples,)."""
+        return np.asarray((self.first_index + np.arange(len(self.samples))) / self.sample_rate)
+
+    def part(self, begin: int, end: int) -> 'MeasuredRecord':
+        """
+        Cut out consecutive samples.
+
+        Parameters
+        ----------
+        begin, end : int
+            From the first up to, not including, the end.
+
+        Returns
+        -------
+        MeasuredRecord
+
+        """
+        samples = self.samples[begin:end]
+        return replace(self, samples=samples, first_index=self.first_index + begin)
 
 
 def standard_deviations(record: MeasuredRecord) -> NDArray[np.float64]:

@@ -28,6 +28,8 @@ class MotionRecord:
         NaN in instants without a valid reading.
     force : ndarray, shape (n_samples, n_excitations)
         Of every exciter, finite [N].
+    first_index : int
+        Index of the first sample in its stream, which begins with index 0.
 
     """
 
@@ -36,6 +38,7 @@ class MotionRecord:
     velocity: Reals
     acceleration: Reals
     force: Reals
+    first_index: int = 0
 
     def __len__(self) -> int:
         """Count the samples."""
@@ -55,7 +58,8 @@ class MotionRecord:
         MotionRecord
 
         """
-        return self._with(*(table[first:end] for table in self._tables))
+        part = self._with(*(table[first:end] for table in self._tables))
+        return replace(part, first_index=self.first_index + first)
 
     def followed_by(self, *others: 'MotionRecord') -> 'MotionRecord':
         """
@@ -73,6 +77,11 @@ class MotionRecord:
         """
         tables = zip(self._tables, *(other._tables for other in others), strict=True)
         return self._with(*(np.concatenate(parts) for parts in tables))
+
+    @property
+    def time(self) -> Reals:
+        """Time of the samples since the begin of the stream [s], shape (n_samples,)."""
+        return np.asarray((self.first_index + np.arange(len(self))) / self.sample_rate)
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -141,7 +150,9 @@ def records_of(block: MotionBlock, directions: Reals) -> list[MotionRecord]:
     motion[:, ~np.isfinite(motion[measured]).all(axis=(0, 2))] = np.nan
     force = block.force @ np.linalg.pinv(directions)
     displacement, velocity, acceleration = motion
-    whole = MotionRecord(block.sample_rate, displacement, velocity, acceleration, force)
+    whole = MotionRecord(
+        block.sample_rate, displacement, velocity, acceleration, force, block.first_index
+    )
     missing = np.flatnonzero(~np.isfinite(force).all(axis=1))
     borders = [-1, *missing.tolist(), len(force)]
     return [whole.part(first + 1, end) for first, end in pairwise(borders)]

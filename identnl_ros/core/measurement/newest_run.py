@@ -54,14 +54,19 @@ class NewestRun:
             return np.zeros((0, 0))
         return np.concatenate([block.samples for block in self._blocks])[-self.longest :]
 
-    def stamp_before_end(self, samples: int) -> int:
+    @property
+    def first_index(self) -> int:
+        """Running index of the first sample of the run; 0: there is none."""
+        return self.next_index - len(self)
+
+    def stamp_of(self, index: int) -> int:
         """
         Tell the time of a sample.
 
         Parameters
         ----------
-        samples : int
-            How many samples before the end of the run; 1: the last one.
+        index : int
+            Its running index.
 
         Returns
         -------
@@ -70,7 +75,7 @@ class NewestRun:
 
         """
         last = self._blocks[-1]
-        return stamp_after(last.stamp_ns, len(last.samples) - samples, last.sample_rate)
+        return stamp_after(last.stamp_ns, index - last.first_index, last.sample_rate)
 
     def add(self, block: SampleBlock) -> None:
         """

@@ -15,6 +15,7 @@ from identnl_ros.core.mechanics.kinematics import (
 )
 from identnl_ros.core.mechanics.machine import DEGREES_OF_FREEDOM, Machine
 from identnl_ros.core.mechanics.model import InnerLink, Load, Model, Parameter, Term, Tied
+from identnl_ros.core.mechanics.periodic_force import FREQUENCY, PeriodicForce
 from identnl_ros.core.mechanics.ties import declared_numbers, roots_of, with_inner_ties
 import numpy as np
 from numpy.typing import NDArray
@@ -69,11 +70,18 @@ def assemble(machine: Machine, inner: Mapping[str, float] | None = None) -> Mode
             motion = body_motion(machine, coordinates, body.name, body.centre_of_mass)[:3]
             loads.append(Load(times * machine.gravity @ motion, index))
     for force in machine.forces:
-        index, times = table.parameter(f'{force.name}.force')
-        vector = relative_motion(
+        motion = relative_motion(
             machine, coordinates, force.body, force.point, force.reaction_body, force.point
-        )[:3]
-        loads.append(Load(times * force.direction @ vector, index))
+        )
+        if isinstance(force, PeriodicForce):
+            vector = force.direction @ (motion[3:] if force.moment else motion[:3])
+            frequency = table.inner_links(force).get(FREQUENCY)
+            for key, wave in force.waves(table.inner_values(force)):
+                index, times = table.parameter(f'{force.name}.{key}')
+                loads.append(Load(times * vector, index, wave, frequency))
+        else:
+            index, times = table.parameter(f'{force.name}.force')
+            loads.append(Load(times * force.direction @ motion[:3], index))
     lines, line_joints, terms = _joint_lines(machine, coordinates, table)
     excitation_directions = np.zeros((len(machine.excitations), len(coordinates)))
     for row, exciter in zip(excitation_directions, machine.excitations, strict=True):
@@ -135,17 +143,17 @@ class _ParameterTable:
         root = self._roots[name]
         return self._indices[root.name], root.times
 
-    def inner_values(self, joint: Joint) -> dict[str, float]:
-        """Present values of the numbers inside the laws of a joint, by key."""
-        roots = {one.key: self._roots[f'{joint.name}.{one.key}'] for one in joint.inner}
+    def inner_values(self, part: Joint | PeriodicForce) -> dict[str, float]:
+        """Present values of the inner parameters of a part, by key."""
+        roots = {one.key: self._roots[f'{part.name}.{one.key}'] for one in part.inner}
         return {key: root.times * self._value(root.name) for key, root in roots.items()}
 
-    def inner_links(self, joint: Joint) -> dict[str, InnerLink]:
-        """Parameters that the numbers inside the laws of a joint follow, by key."""
+    def inner_links(self, part: Joint | PeriodicForce) -> dict[str, InnerLink]:
+        """Parameters that the inner parameters of a part follow, by key."""
         return {
-            one.key: InnerLink(one.key, *self.parameter(f'{joint.name}.{one.key}'))
-            for one in joint.inner
-            if self._follows(f'{joint.name}.{one.key}')
+            one.key: InnerLink(one.key, *self.parameter(f'{part.name}.{one.key}'))
+            for one in part.inner
+            if self._follows(f'{part.name}.{one.key}')
         }
 
     def _follows(self, name: str) -> bool:

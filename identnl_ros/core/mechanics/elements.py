@@ -1,6 +1,6 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Joints of one element along one axis: friction, quadratic damping, backlash, hysteresis."""
+"""Joints of one element along one axis: friction, backlash, hysteresis, drift and the like."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -102,6 +102,9 @@ ELEMENT_KINDS = {
         LawKind.BILINEAR,
         Number('stiffness', 'k_1', _STIFFNESS),
         (Number(GAP, 'g', _LENGTH, lowest=-np.inf, default=0.0),),
+    ),
+    'drifting_stiffness': ElementKind(
+        LawKind.DRIFTING, Number('stiffness_rate', 'k_t', ('N/m/s', 'N*m/s'))
     ),
     'hysteresis': ElementKind(
         LawKind.HYSTERESIS,

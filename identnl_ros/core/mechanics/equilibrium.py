@@ -25,7 +25,7 @@ def static_equilibrium(model: Model) -> Vector:
 
     Newton's method with step halving; the load of a contact without preload, whose stiffness at
     rest is zero, is found from a small displacement in the direction of the load. Friction and
-    hysteretic springs bear nothing at rest.
+    hysteretic springs bear nothing at rest; periodic forces and drifting stiffness are left out.
 
     Parameters
     ----------
@@ -52,7 +52,8 @@ def static_equilibrium(model: Model) -> Vector:
     displacement = np.zeros(len(load))
 
     def unbalance(at: Vector) -> Vector:
-        return np.asarray(load - model.joint_force(at[np.newaxis], np.zeros((1, len(load))))[0])
+        still = np.zeros((1, len(load)))
+        return np.asarray(load - model.joint_force(at[np.newaxis], still, time=np.zeros(1))[0])
 
     mass = model.mass_diagonal()
     residual = unbalance(displacement)

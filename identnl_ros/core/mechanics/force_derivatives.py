@@ -25,7 +25,7 @@ class ForceDerivatives:
     """
     Derivatives of the left-hand side of the equations of motion by the unknowns.
 
-    Left-hand side: inertia and joint forces minus constant loads, (1) of Berczynski et al. (2010).
+    Left-hand side: inertia and joint forces minus loads, (1) of Berczynski et al. (2010).
     It is linear in coefficients, whose derivatives do not depend on their values; not so in
     preloads, exponents and other numbers inside laws.
 
@@ -44,6 +44,7 @@ class ForceDerivatives:
         velocity: Reals,
         acceleration: Reals,
         hidden: Reals | None = None,
+        time: Reals | None = None,
     ) -> Reals:
         """
         Differentiate at a number of states.
@@ -55,19 +56,27 @@ class ForceDerivatives:
             spaced.
         hidden : ndarray, shape (n_states, n_hidden), or None
             Hysteretic states; None: they follow the motion, from zero at its first sample.
+        time : ndarray, shape (n_states,), or None
+            Since the begin of the stream [s]; needed where forces depend on it.
 
         Returns
         -------
         ndarray, shape (n_states, n_coordinates, n_unknowns)
             [N or N m, per unit of the unknown].
 
+        Raises
+        ------
+        MachineError
+            If the time is needed and not given.
+
         """
         model = self.model
+        time = model.times(time, len(displacement))
         column = {parameter: i for i, parameter in enumerate(model.estimated)}
         derivatives = np.zeros((*displacement.shape, len(column)))
         if hidden is None and model.hidden_columns:
             hidden = hidden_motion(model, displacement, velocity)
-        for index, lines in self._on_lines(displacement, velocity, hidden, column).items():
+        for index, lines in self.along_lines(displacement, velocity, hidden, time).items():
             derivatives[:, :, index] = (
                 np.column_stack(list(lines.values())) @ model.lines[list(lines)]
             )
@@ -75,15 +84,46 @@ class ForceDerivatives:
             if parameter in column:
                 derivatives[:, :, column[parameter]] += diagonal * acceleration
         for load in model.loads:
-            if load.parameter in column:
+            if load.wave is None and load.parameter in column:
                 derivatives[:, :, column[load.parameter]] -= load.vector
+        for load, wave in model.periodic_loads:
+            if load.parameter in column:
+                derivatives[:, :, column[load.parameter]] -= np.outer(wave.at(time), load.vector)
+            if load.frequency is not None and load.frequency.parameter in column:
+                slope = load.frequency.times * model.parameters[load.parameter].value
+                derivatives[:, :, column[load.frequency.parameter]] -= np.outer(
+                    slope * wave.frequency_slope(time), load.vector
+                )
         return derivatives
 
-    def _on_lines(
-        self, displacement: Reals, velocity: Reals, hidden: Reals | None, column: dict[int, int]
+    def along_lines(
+        self,
+        displacement: Reals,
+        velocity: Reals,
+        hidden: Reals | None,
+        time: Reals | None = None,
     ) -> dict[int, dict[int, Reals]]:
-        """Differentiate the forces along the lines: by column, then line."""
+        """
+        Differentiate the forces of the joints along the lines on which they act.
+
+        Parameters
+        ----------
+        displacement, velocity : ndarray, shape (n_states, n_coordinates)
+        hidden : ndarray, shape (n_states, n_hidden), or None
+            Hysteretic states; None where there are none.
+        time : ndarray, shape (n_states,), or None
+            Since the begin of the stream [s]; None where nothing depends on it.
+
+        Returns
+        -------
+        dict of int to dict of int to ndarray, shape (n_states,)
+            By unknown (its place among `Model.estimated`), then by row of `Model.lines`
+            [N or N m, per unit of the unknown].
+
+        """
         model = self.model
+        time = model.times(time, len(displacement))
+        column = {parameter: i for i, parameter in enumerate(model.estimated)}
         deformation = model.lines @ displacement.T
         rate = model.lines @ velocity.T
         found: dict[int, dict[int, Reals]] = {}
@@ -99,7 +139,7 @@ class ForceDerivatives:
                 state = (
                     hidden[:, columns[index]] if hidden is not None and index in columns else None
                 )
-                force = term.law.force(deformation[line], rate[line], state)
+                force = term.law.force(deformation[line], rate[line], state, time)
                 add(term.parameter, line, term.factor * force)
             for link in term.inner:
                 if link.parameter in column:

@@ -57,8 +57,9 @@ def body_motion(
     full = np.zeros((6, 6))
     full[:3, :3] = axes
     full[3:, 3:] = axes
-    for axis in range(3):
-        full[:3, 3 + axis] = np.cross(axes[:, axis], lever)
+    x, y, z = lever
+    # Rotation about an axis moves the point by the cross product of axis and lever.
+    full[:3, 3:] = np.array(((0, z, -y), (-z, 0, x), (y, -x, 0))) @ axes
     for i, coordinate in enumerate(coordinates):
         if coordinate.body == body_name:
             motion[:, i] = full[:, DEGREES_OF_FREEDOM.index(coordinate.motion)]

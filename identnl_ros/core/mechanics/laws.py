@@ -41,6 +41,7 @@ class LawKind(IntEnum):
     STRIBECK = 8
     QUADRATIC_DAMPING = 9
     HYSTERESIS = 10
+    DRIFTING = 11
 
 
 # Forces that follow the rate, not in proportion to it.
@@ -203,7 +204,13 @@ class Law:
     fading: float = 1.0
     limit: float = 1.0
 
-    def force(self, deformation: Reals, rate: Reals, hidden: Reals | None = None) -> Reals:
+    def force(
+        self,
+        deformation: Reals,
+        rate: Reals,
+        hidden: Reals | None = None,
+        time: Reals | float = 0.0,
+    ) -> Reals:
         """
         Evaluate the force per unit of the coefficient.
 
@@ -215,6 +222,8 @@ class Law:
             [m/s] or [rad/s].
         hidden : ndarray, same shape, or None
             Hysteretic state [m] or [rad]; None: that of rest, 0.
+        time : ndarray, same shape, or float
+            Since the begin of the stream [s].
 
         Returns
         -------
@@ -244,9 +253,15 @@ class Law:
                 return quadratic_damping(rate)
             case LawKind.HYSTERESIS:
                 return np.zeros_like(deformation) if hidden is None else hidden
+            case LawKind.DRIFTING:
+                return deformation * time
 
     def stiffness(
-        self, deformation: Reals, rate: Reals | None = None, hidden: Reals | None = None
+        self,
+        deformation: Reals,
+        rate: Reals | None = None,
+        hidden: Reals | None = None,
+        time: Reals | float = 0.0,
     ) -> Reals:
         """
         Differentiate the force per unit of the coefficient by the deformation.
@@ -260,6 +275,8 @@ class Law:
             [m] or [rad].
         rate, hidden : ndarray, same shape, or None
             Matter to hysteresis only; None: those of rest, 0.
+        time : ndarray, same shape, or float
+            Since the begin of the stream [s].
 
         Returns
         -------
@@ -283,6 +300,8 @@ class Law:
                 if rate is None or hidden is None:
                     return np.ones_like(deformation)
                 return hysteresis_slope(rate, hidden, self.limit, self.exponent)
+            case LawKind.DRIFTING:
+                return np.zeros_like(deformation) + time
             case _:
                 return np.zeros_like(deformation)
 

@@ -1,11 +1,12 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""A machine of rigid finite elements: bodies, joints, exciters, constant forces."""
+"""A machine of rigid finite elements: bodies, joints, exciters, forces that nobody measures."""
 
 from dataclasses import dataclass, field
 
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.mechanics.joints import Coefficient, GROUND, Joint
+from identnl_ros.core.mechanics.periodic_force import PeriodicForce
 import numpy as np
 from numpy.typing import NDArray
 
@@ -200,7 +201,7 @@ class Machine:
     bodies : tuple of Body
     joints : tuple of Joint
     excitations : tuple of ExcitationPoint
-    forces : tuple of ConstantForce
+    forces : tuple of ConstantForce or PeriodicForce
     gravity : ndarray, shape (3,), or None
         None: displacements count from the state of rest, where weight and preload balance,
         and joint forces are taken minus their value at rest. A vector [m/s^2]: displacements
@@ -218,7 +219,7 @@ class Machine:
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]
     excitations: tuple[ExcitationPoint, ...] = ()
-    forces: tuple[ConstantForce, ...] = ()
+    forces: tuple[ConstantForce | PeriodicForce, ...] = ()
     gravity: NDArray[np.float64] | None = field(default=None)
 
     def __post_init__(self) -> None:

@@ -11,7 +11,8 @@ lines, and so are the rays of a pressure-integrated contact.
 Preloads, exponents, gaps and velocities that are to be estimated are parameters too, inside laws
 and factors: the equations are not linear in these inner parameters. A number that is tied to
 another one is no parameter: what it stands for is a multiple of the other. A hysteretic term has
-a state of its own, which follows the motion: a hidden state.
+a state of its own, which follows the motion: a hidden state. Periodic forces and stiffness that
+drifts depend on time, which counts from the begin of the stream.
 """
 
 from dataclasses import dataclass, replace
@@ -19,8 +20,9 @@ from dataclasses import dataclass, replace
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.mechanics.hidden_states import hidden_motion, hysteretic_terms
 from identnl_ros.core.mechanics.kinematics import body_motion, Coordinate
-from identnl_ros.core.mechanics.laws import Law
+from identnl_ros.core.mechanics.laws import Law, LawKind
 from identnl_ros.core.mechanics.machine import Machine
+from identnl_ros.core.mechanics.periodic_force import Wave
 import numpy as np
 from numpy.typing import NDArray
 
@@ -128,7 +130,7 @@ class Term:
 @dataclass(frozen=True)
 class Load:
     """
-    A constant generalised force: ``value of parameter * vector``.
+    A generalised force that does not depend on motion: ``value of parameter * vector * wave``.
 
     Parameters
     ----------
@@ -136,11 +138,17 @@ class Load:
         Per unit of the parameter.
     parameter : int
         Index into `Model.parameters`.
+    wave : Wave or None
+        None: the force is constant.
+    frequency : InnerLink or None
+        Parameter that the frequency of the wave follows.
 
     """
 
     vector: NDArray[np.float64]
     parameter: int
+    wave: Wave | None = None
+    frequency: InnerLink | None = None
 
 
 @dataclass(frozen=True)
@@ -166,7 +174,7 @@ class Model:
     mass_vectors : tuple of (int, ndarray)
         Parameter index of a body's mass and the diagonal it fills.
     loads : tuple of Load
-        Weights and constant forces.
+        Weights, constant and periodic forces.
     excitation_directions : ndarray, shape (n_excitations, n_coordinates)
         Generalised force per newton of each exciter.
     tied : tuple of Tied
@@ -285,11 +293,55 @@ class Model:
         """Column of the hidden state of every hysteretic term, by index of the term."""
         return {term: column for column, term in enumerate(hysteretic_terms(self.terms))}
 
+    @property
+    def time_dependent(self) -> bool:
+        """Whether forces depend on time: periodic ones, or those of a stiffness that drifts."""
+        return bool(self.periodic_loads) or any(
+            term.law.kind is LawKind.DRIFTING for term in self.terms
+        )
+
+    @property
+    def periodic_loads(self) -> tuple[tuple[Load, Wave], ...]:
+        """Loads that have a wave."""
+        return tuple((load, load.wave) for load in self.loads if load.wave is not None)
+
+    def times(self, time: NDArray[np.float64] | None, count: int) -> NDArray[np.float64]:
+        """
+        Require the time where forces depend on it.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n_states,), or None
+            Since the begin of the stream [s].
+        count : int
+            Number of states.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+            Zeros where nothing depends on it and it is not given.
+
+        Raises
+        ------
+        MachineError
+            If it matters and is not given.
+
+        """
+        if time is not None:
+            return time
+        if self.time_dependent:
+            raise MachineError(
+                f'machine {self.machine.name}: a periodic force or a drifting stiffness depends '
+                'on time, which is not known here; take that part out of the machine file'
+            )
+        return np.zeros(count)
+
     def joint_force(
         self,
         displacement: NDArray[np.float64],
         velocity: NDArray[np.float64],
         hidden: NDArray[np.float64] | None = None,
+        time: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
         """
         Evaluate the generalised force of all joints on the bodies' left-hand side.
@@ -301,13 +353,21 @@ class Model:
             spaced.
         hidden : ndarray, shape (n_samples, n_hidden), or None
             Hysteretic states; None: they follow the motion, from zero at its first sample.
+        time : ndarray, shape (n_samples,), or None
+            Since the begin of the stream [s]; needed where stiffness drifts.
 
         Returns
         -------
         ndarray, shape (n_samples, n_coordinates)
             [N, N m].
 
+        Raises
+        ------
+        MachineError
+            If the time is needed and not given.
+
         """
+        time = self.times(time, len(displacement))
         deformation = displacement @ self.lines.T
         rate = velocity @ self.lines.T
         forces = np.zeros_like(deformation)
@@ -318,7 +378,8 @@ class Model:
             value = self.parameters[term.parameter].value * term.factor
             line = term.line
             state = hidden[:, columns[index]] if hidden is not None and index in columns else None
-            forces[:, line] += value * term.law.force(deformation[:, line], rate[:, line], state)
+            force = term.law.force(deformation[:, line], rate[:, line], state, time)
+            forces[:, line] += value * force
         return forces @ self.lines
 
     def constant_load(self) -> NDArray[np.float64]:
@@ -333,14 +394,35 @@ class Model:
         """
         total = np.zeros(len(self.coordinates))
         for load in self.loads:
-            total += self.parameters[load.parameter].value * load.vector
+            if load.wave is None:
+                total += self.parameters[load.parameter].value * load.vector
+        return total
+
+    def periodic_load(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Sum of the periodic forces.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n_states,)
+            Since the begin of the stream [s].
+
+        Returns
+        -------
+        ndarray, shape (n_states, n_coordinates)
+            [N, N m].
+
+        """
+        total = np.zeros((len(time), len(self.coordinates)))
+        for load, wave in self.periodic_loads:
+            total += np.outer(wave.at(time), self.parameters[load.parameter].value * load.vector)
         return total
 
     def tangent_stiffness(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """
         Differentiate the joint forces by the displacement at one state of rest.
 
-        Hysteretic springs are elastic there.
+        Hysteretic springs are elastic there; stiffness that drifts is that of the begin, zero.
 
         Parameters
         ----------

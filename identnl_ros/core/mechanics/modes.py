@@ -36,6 +36,7 @@ def stiffest_state_matrix(
     model: Model,
     displacements: NDArray[np.float64],
     velocities: NDArray[np.float64] | None = None,
+    time: float = 0.0,
 ) -> NDArray[np.float64]:
     """
     Linearise the equations of motion, ``(q', q'') = matrix @ (q, q')``, on the stiff side.
@@ -49,6 +50,8 @@ def stiffest_state_matrix(
     velocities : ndarray, shape (n_states, n), or None
         Every damper is taken as steep as in the steepest of these states, friction as at
         standstill, which it passes between them; None: at rest.
+    time : float
+        At which stiffness that drifts is taken, since the begin of the stream [s].
 
     Returns
     -------
@@ -61,7 +64,7 @@ def stiffest_state_matrix(
     slopes = np.zeros(len(model.lines))
     for term in model.terms:
         value = model.parameters[term.parameter].value * term.factor
-        slope = value * term.law.stiffness(deformation[:, term.line])
+        slope = value * term.law.stiffness(deformation[:, term.line], time=time)
         # A power below one is infinitely stiff at a point, which no step can resolve.
         slopes[term.line] += np.abs(slope[np.isfinite(slope)]).max(initial=0.0)
     matrix = np.zeros((2 * n, 2 * n))

@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.machine import Machine
+from identnl_ros.core.mechanics.periodic_force import COSINE, PeriodicForce, SINE
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Declared:
     symbol, unit : str
     coefficient : Coefficient
     inner : bool
-        It is inside the laws of a joint.
+        It is inside the laws of a joint, or the frequency of a force.
 
     """
 
@@ -120,19 +121,26 @@ def with_inner_ties(machine: Machine) -> Machine:
         If one of them is tied to what does not exist or has another unit, or to itself.
 
     """
-    if all(one.coefficient.tie is None for joint in machine.joints for one in joint.inner):
+    periodic = [one for one in machine.forces if isinstance(one, PeriodicForce)]
+    inner = [one for part in machine.joints for one in part.inner]
+    inner += [one for part in periodic for one in part.inner]
+    if all(one.coefficient.tie is None for one in inner):
         return machine
     numbers = declared_numbers(machine)
     values: dict[str, dict[str, float]] = {}
     for name, number in numbers.items():
         if number.inner and number.coefficient.tie is not None:
             root = _root(number, numbers)
-            joint, _, key = name.partition('.')
+            part, _, key = name.partition('.')
             value = root.times * numbers[root.name].coefficient.value
-            values.setdefault(joint, {})[key] = value
+            values.setdefault(part, {})[key] = value
     return replace(
         machine,
         joints=tuple(joint.starting_at(values.get(joint.name, {})) for joint in machine.joints),
+        forces=tuple(
+            one.starting_at(values.get(one.name, {})) if isinstance(one, PeriodicForce) else one
+            for one in machine.forces
+        ),
     )
 
 
@@ -140,7 +148,10 @@ def _numbers(machine: Machine) -> Iterator[Declared]:
     for body in machine.bodies:
         yield Declared('body', f'{body.name}.mass', 'm', 'kg', body.mass)
     for force in machine.forces:
-        yield Declared('force', f'{force.name}.force', 'F', 'N', force.force)
+        if isinstance(force, PeriodicForce):
+            yield from _numbers_of(force)
+        else:
+            yield Declared('force', f'{force.name}.force', 'F', 'N', force.force)
     for joint in machine.joints:
         for term in joint.terms():
             name = f'{joint.name}.{term.key}'
@@ -148,6 +159,14 @@ def _numbers(machine: Machine) -> Iterator[Declared]:
         for one in joint.inner:
             name = f'{joint.name}.{one.key}'
             yield Declared('joint', name, one.symbol, one.unit, one.coefficient, inner=True)
+
+
+def _numbers_of(force: PeriodicForce) -> Iterator[Declared]:
+    yield Declared('force', f'{force.name}.{COSINE}', 'F_cos', force.unit, force.cosine)
+    yield Declared('force', f'{force.name}.{SINE}', 'F_sin', force.unit, force.sine)
+    for one in force.inner:
+        name = f'{force.name}.{one.key}'
+        yield Declared('force', name, one.symbol, one.unit, one.coefficient, inner=True)
 
 
 def _root(number: Declared, numbers: Mapping[str, Declared]) -> Root:

@@ -10,6 +10,7 @@ from identnl_ros.core.estimation.regression import PointwiseRegression
 from identnl_ros.core.estimation.unknowns import (
     nothing_yet,
     require_coordinates,
+    require_no_time,
     require_same_unknowns,
     require_unknowns,
 )
@@ -54,6 +55,8 @@ class PointwiseIdentifier:
     ------
     DataError
         If the machine has no unknown parameter.
+    MachineError
+        If its forces depend on time.
 
     """
 
@@ -61,6 +64,7 @@ class PointwiseIdentifier:
 
     def __init__(self, model: Model) -> None:
         require_unknowns(model)
+        require_no_time(model, self.estimator)
         self._model = model
         self._regression = PointwiseRegression(model)
         self._noise_bias = NoiseBias(model)

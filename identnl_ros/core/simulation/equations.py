@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.mechanics.laws import LawKind, RATE_KINDS, SHARP_KINDS
 from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.simulation.inputs import input_directions
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,7 +31,8 @@ class Equations:
     term_line, term_kind : ndarray of int, shape (n_terms,)
     term_numbers : ndarray, shape (n_terms, 4)
         Coefficient, exponent, preload or gap, rest force per unit of coefficient.
-    excitation_directions : ndarray, shape (n_excitations, n)
+    input_directions : ndarray, shape (n_forces, n)
+        Of exciters and periodic forces.
     rate_line, rate_kind : ndarray of int, shape (n_rate_terms,)
     rate_numbers : ndarray, shape (n_rate_terms, 3)
         Coefficient, transition velocity, Stribeck velocity.
@@ -48,7 +50,7 @@ class Equations:
     term_line: NDArray[np.int64]
     term_kind: NDArray[np.int64]
     term_numbers: NDArray[np.float64]
-    excitation_directions: NDArray[np.float64]
+    input_directions: NDArray[np.float64]
     rate_line: NDArray[np.int64]
     rate_kind: NDArray[np.int64]
     rate_numbers: NDArray[np.float64]
@@ -67,7 +69,7 @@ class Equations:
             self.term_line,
             self.term_kind,
             self.term_numbers,
-            self.excitation_directions,
+            self.input_directions,
             self.rate_line,
             self.rate_kind,
             self.rate_numbers,
@@ -128,7 +130,7 @@ def equations_of(model: Model) -> Equations:
         rate_numbers=rates.numbers,
         hidden_line=hidden.lines,
         hidden_numbers=hidden.numbers,
-        excitation_directions=np.ascontiguousarray(model.excitation_directions),
+        input_directions=input_directions(model),
     )
 
 

@@ -4,8 +4,9 @@
 Compiled kernels of the time integration.
 
 The `equations` of every function are the arrays of `equations.Equations`, in its order. Beside
-displacement and velocity a machine has hidden states, one for every hysteretic element. All
-arrays are C-contiguous.
+displacement and velocity a machine has hidden states, one for every hysteretic element. Inputs
+are the forces of exciters and periodic forces [N] and, last, the time [s]. All arrays are
+C-contiguous.
 """
 
 from identnl_ros.core.mechanics import element_laws, laws
@@ -33,11 +34,12 @@ _POLYNOMIAL = int(LawKind.POLYNOMIAL)
 _BACKLASH = int(LawKind.BACKLASH)
 _COULOMB = int(LawKind.COULOMB)
 _STRIBECK = int(LawKind.STRIBECK)
+_DRIFTING = int(LawKind.DRIFTING)
 
 
 @numba.njit(cache=True)
 def _acceleration(
-    displacement, velocity, force, out,
+    displacement, velocity, inputs, out,
     inverse_mass, stiffness, damping, load, lines, term_line, term_kind, term_numbers,
     directions,
 ):  # fmt: skip
@@ -45,9 +47,9 @@ def _acceleration(
     n = displacement.size
     for i in range(n):
         out[i] = load[i]
-    for j in range(force.size):
+    for j in range(directions.shape[0]):
         for i in range(n):
-            out[i] += directions[j, i] * force[j]
+            out[i] += directions[j, i] * inputs[j]
     for j in range(n):
         position = displacement[j]
         rate = velocity[j]
@@ -71,6 +73,8 @@ def _acceleration(
             value = deformation**exponent
         elif kind == _BACKLASH:
             value = _backlash(deformation, preload)
+        elif kind == _DRIFTING:
+            value = deformation * inputs[-1]
         else:
             value = _bilinear(deformation, preload)
         value = coefficient * (value - rest)
@@ -116,7 +120,7 @@ def _add_elements(
 
 
 @numba.njit(cache=True)
-def acceleration(displacement, velocity, hidden, force, out, hidden_out, equations):
+def acceleration(displacement, velocity, hidden, inputs, out, hidden_out, equations):
     """
     Evaluate the equations of motion at one state.
 
@@ -124,8 +128,7 @@ def acceleration(displacement, velocity, hidden, force, out, hidden_out, equatio
     ----------
     displacement, velocity : ndarray, shape (n,)
     hidden : ndarray, shape (n_hidden,)
-    force : ndarray, shape (n_excitations,)
-        [N].
+    inputs : ndarray, shape (n_inputs,)
     out : ndarray, shape (n,)
         Overwritten by the acceleration.
     hidden_out : ndarray, shape (n_hidden,)
@@ -133,7 +136,7 @@ def acceleration(displacement, velocity, hidden, force, out, hidden_out, equatio
     equations : tuple of arrays
 
     """
-    _acceleration(displacement, velocity, force, out, *equations[:9])
+    _acceleration(displacement, velocity, inputs, out, *equations[:9])
     if equations[9].size > 0 or equations[12].size > 0:
         _add_elements(
             velocity, hidden, out, hidden_out, equations[0], equations[4], *equations[9:]
@@ -141,8 +144,8 @@ def acceleration(displacement, velocity, hidden, force, out, hidden_out, equatio
 
 
 @numba.njit(cache=True)
-def _step(displacement, velocity, hidden, step, forces, stages, equations):
-    # In place; forces at the stages, shape (STAGES, n_excitations).
+def _step(displacement, velocity, hidden, step, inputs, stages, equations):
+    # In place; inputs at the stages, shape (STAGES, n_inputs).
     velocities, accelerations, stage_hidden, hidden_rates = stages
     n = displacement.size
     stage_displacement = np.empty(n)
@@ -159,7 +162,7 @@ def _step(displacement, velocity, hidden, step, forces, stages, equations):
                 stage_displacement[i] += weight * velocities[earlier, i]
                 velocities[stage, i] += weight * accelerations[earlier, i]
         _acceleration(
-            stage_displacement, velocities[stage], forces[stage], accelerations[stage],
+            stage_displacement, velocities[stage], inputs[stage], accelerations[stage],
             *equations[:9],
         )  # fmt: skip
         if elements:
@@ -195,7 +198,7 @@ def _stages(n, n_hidden):
 
 
 @numba.njit(cache=True)
-def integrate(displacement, velocity, hidden, step, steps, forces, *equations):
+def integrate(displacement, velocity, hidden, step, steps, inputs, *equations):
     """
     Integrate and keep the state every few steps.
 
@@ -209,8 +212,8 @@ def integrate(displacement, velocity, hidden, step, steps, forces, *equations):
         [s].
     steps : int
         Steps from one kept state to the next.
-    forces : ndarray, shape (n_kept * steps, STAGES, n_excitations)
-        At the stages of every step [N].
+    inputs : ndarray, shape (n_kept * steps, STAGES, n_inputs)
+        At the stages of every step.
     *equations : arrays
 
     Returns
@@ -224,7 +227,7 @@ def integrate(displacement, velocity, hidden, step, steps, forces, *equations):
 
     """
     n = displacement.size
-    count = forces.shape[0] // steps
+    count = inputs.shape[0] // steps
     displacements = np.empty((count, n))
     velocities = np.empty((count, n))
     hiddens = np.empty((count, hidden.size))
@@ -237,12 +240,12 @@ def integrate(displacement, velocity, hidden, step, steps, forces, *equations):
         velocities[index] = rate
         hiddens[index] = inside
         for part in range(steps):
-            _step(position, rate, inside, step, forces[index * steps + part], stages, equations)
+            _step(position, rate, inside, step, inputs[index * steps + part], stages, equations)
     return displacements, velocities, hiddens, position, rate, inside
 
 
 @numba.njit(cache=True)
-def branch(displacements, velocities, hiddens, step, forces, *equations):
+def branch(displacements, velocities, hiddens, step, inputs, *equations):
     """
     Integrate a few steps from each of many states.
 
@@ -252,8 +255,8 @@ def branch(displacements, velocities, hiddens, step, forces, *equations):
     hiddens : ndarray, shape (n_states, n_hidden)
     step : float
         [s].
-    forces : ndarray, shape (n_states, n_steps, STAGES, n_excitations)
-        At the stages of every step [N].
+    inputs : ndarray, shape (n_states, n_steps, STAGES, n_inputs)
+        At the stages of every step.
     *equations : arrays
 
     Returns
@@ -267,16 +270,16 @@ def branch(displacements, velocities, hiddens, step, forces, *equations):
     insides = hiddens.copy()
     stages = _stages(positions.shape[1], insides.shape[1])
     for index in range(positions.shape[0]):
-        for part in range(forces.shape[1]):
+        for part in range(inputs.shape[1]):
             _step(
-                positions[index], rates[index], insides[index], step, forces[index, part], stages,
+                positions[index], rates[index], insides[index], step, inputs[index, part], stages,
                 equations,
             )  # fmt: skip
     return positions, rates, insides
 
 
 @numba.njit(cache=True)
-def accelerations(displacements, velocities, hiddens, forces, *equations):
+def accelerations(displacements, velocities, hiddens, inputs, *equations):
     """
     Evaluate the equations of motion at many states.
 
@@ -284,8 +287,7 @@ def accelerations(displacements, velocities, hiddens, forces, *equations):
     ----------
     displacements, velocities : ndarray, shape (n_states, n)
     hiddens : ndarray, shape (n_states, n_hidden)
-    forces : ndarray, shape (n_states, n_excitations)
-        [N].
+    inputs : ndarray, shape (n_states, n_inputs)
     *equations : arrays
 
     Returns
@@ -297,7 +299,7 @@ def accelerations(displacements, velocities, hiddens, forces, *equations):
     rates = np.empty(hiddens.shape[1])
     for index in range(displacements.shape[0]):
         acceleration(
-            displacements[index], velocities[index], hiddens[index], forces[index],
+            displacements[index], velocities[index], hiddens[index], inputs[index],
             result[index], rates, equations,
         )  # fmt: skip
     return result

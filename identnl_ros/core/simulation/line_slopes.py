@@ -52,6 +52,7 @@ def line_slopes(
     velocity: Reals,
     hidden: Reals,
     span: tuple[Reals, Reals] | None = None,
+    time: Reals | None = None,
 ) -> LineSlopes:
     """
     Differentiate the joint forces by the state, at many states.
@@ -65,12 +66,20 @@ def line_slopes(
     span : pair of ndarray, each shape (n_states, n_coordinates), or None
         Half the change of displacement and of velocity from one state to the next. Where a law
         bends sharply, the slope is then the mean over that change rather than that at the state.
+    time : ndarray, shape (n_states,), or None
+        Since the begin of the stream [s]; needed where stiffness drifts.
 
     Returns
     -------
     LineSlopes
 
+    Raises
+    ------
+    MachineError
+        If the time is needed and not given.
+
     """
+    time = model.times(time, len(displacement))
     deformation, rate = displacement @ model.lines.T, velocity @ model.lines.T
     changes = [0 * deformation] * 2 if span is None else [one @ model.lines.T for one in span]
     stiffness = np.zeros_like(deformation)
@@ -84,7 +93,7 @@ def line_slopes(
             slope = _rate_slope(term.law, rate[:, line], changes[1][:, line])
             rates[:, rate_lines.index(line)] += value * slope
         elif term.law.kind is not LawKind.HYSTERESIS:
-            slope = _stiffness(term.law, deformation[:, line], changes[0][:, line])
+            slope = _stiffness(term.law, deformation[:, line], changes[0][:, line], time)
             # A power below one is infinitely steep at a point, where it has no stiffness to add.
             stiffness[:, line] += value * np.where(np.isfinite(slope), slope, 0.0)
     return LineSlopes(
@@ -107,8 +116,8 @@ def _hidden_slopes(terms: list[Term], rate: Reals, hidden: Reals) -> Reals:
     return slopes
 
 
-def _stiffness(law: Law, deformation: Reals, change: Reals) -> Reals:
-    slope = law.stiffness(deformation)
+def _stiffness(law: Law, deformation: Reals, change: Reals, time: Reals) -> Reals:
+    slope = law.stiffness(deformation, time=time)
     if law.kind not in SHARP_KINDS or not change.any():
         return slope
     still = np.zeros_like(deformation)

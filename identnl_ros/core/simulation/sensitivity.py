@@ -10,6 +10,7 @@ from identnl_ros.core.mechanics.force_derivatives import ForceDerivatives
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.simulation.equations import equations_of, initial_hidden
 from identnl_ros.core.simulation.excitation import Signal
+from identnl_ros.core.simulation.inputs import inputs_of, on_grid
 from identnl_ros.core.simulation.integrator import NODES, STAGES
 from identnl_ros.core.simulation.line_slopes import line_slopes
 from identnl_ros.core.simulation.sensitivity_kernels import stage_states, variations
@@ -71,6 +72,9 @@ class VariedSimulation:
         False: the motion alone.
     hidden : ndarray, shape (n_hidden,)
         Initial hysteretic states; by default zero.
+    origin : float
+        Time since the begin of the stream at zero on the clock of the signals [s]; matters to
+        periodic forces and to stiffness that drifts.
 
     Raises
     ------
@@ -89,10 +93,12 @@ class VariedSimulation:
     steps: int = 1
     sensitive: bool = True
     hidden: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    origin: float = 0.0
 
     def __post_init__(self) -> None:
         """Prepare the arrays of the compiled kernels."""
         self._equations: tuple[Any, ...] = equations_of(self.model).arrays
+        self._inputs = inputs_of(self.model, self.signals, self.origin)
         self._derivatives = ForceDerivatives(self.model)
         self._index = 0
         self.hidden = initial_hidden(self.model, self.hidden)
@@ -102,7 +108,7 @@ class VariedSimulation:
         self._variation[:, unknowns:] = np.eye(2 * n)
         self._hidden_variation = np.zeros((len(self.hidden), unknowns + 2 * n))
         state = (np.zeros((1, n)) + one for one in (self.displacement, self.velocity))
-        self.steps = max(self.steps, self._steps_for(*state))
+        self.steps = max(self.steps, self._steps_for(0, *state))
 
     def advance(self, count: int) -> MotionVariation:
         """
@@ -125,26 +131,32 @@ class VariedSimulation:
         """
         for _ in range(REFINEMENTS):
             step = self.interval / self.steps
+            inputs = self._stage_inputs(count)
             *stages, hidden, displacement, velocity, inside = stage_states(
-                self.displacement, self.velocity, self.hidden, step, self._stage_forces(count),
-                *self._equations,
-            )  # fmt: skip
+                self.displacement, self.velocity, self.hidden, step, inputs, *self._equations
+            )
             self._require_bounded(stages[0])
-            needed = self._steps_for(*(stage[:: self.steps, 0] for stage in stages[:2]))
+            passed = (stage[:: self.steps, 0] for stage in stages[:2])
+            needed = self._steps_for(count, *passed)
             if needed <= self.steps:
                 break
             self.steps = needed
-        passed = hidden[:: self.steps, 0]
         motion = np.stack([stage[:: self.steps, 0] for stage in stages], axis=1)
         derivatives = (
-            self._varied(stages, hidden, step) if self.sensitive else np.empty((*motion.shape, 0))
+            self._varied(stages, hidden, inputs[:, :, -1], step)
+            if self.sensitive
+            else np.empty((*motion.shape, 0))
         )
         self.displacement, self.velocity, self.hidden = displacement, velocity, inside
         self._index += count
-        return MotionVariation(motion, derivatives, passed)
+        return MotionVariation(motion, derivatives, hidden[:: self.steps, 0])
 
     def _varied(
-        self, stages: list[NDArray[np.float64]], hidden: NDArray[np.float64], step: float
+        self,
+        stages: list[NDArray[np.float64]],
+        hidden: NDArray[np.float64],
+        time: NDArray[np.float64],
+        step: float,
     ) -> NDArray[np.float64]:
         """Integrate the sensitivities along the motion, (n_instants, 3, n, n_columns)."""
         model = self.model
@@ -152,8 +164,11 @@ class VariedSimulation:
         shape = stages[0].shape[:2]
         displacement, velocity, acceleration = (stage.reshape(-1, n) for stage in stages)
         flat_hidden = hidden.reshape(len(displacement), hidden.shape[2])
-        forcing = self._derivatives.of_motion(displacement, velocity, acceleration, flat_hidden)
-        found = line_slopes(model, displacement, velocity, flat_hidden)
+        times = time.ravel()
+        forcing = self._derivatives.of_motion(
+            displacement, velocity, acceleration, flat_hidden, times
+        )
+        found = line_slopes(model, displacement, velocity, flat_hidden, time=times)
         slopes = found.stiffness
         varying = np.ptp(slopes, axis=0) > 0
         constant = np.where(varying, 0.0, slopes[0])
@@ -177,21 +192,20 @@ class VariedSimulation:
         result: NDArray[np.float64] = kept.reshape(len(kept), 3, n, -1)
         return result
 
-    def _stage_forces(self, count: int) -> NDArray[np.float64]:
+    def _stage_inputs(self, count: int) -> NDArray[np.float64]:
         step = self.interval / self.steps
         start = self.start + self._index * self.interval
-        forces = np.empty((count * self.steps, STAGES, len(self.signals)))
+        inputs = np.empty((count * self.steps, STAGES, len(self._inputs)))
         for stage, node in enumerate(NODES):
-            for column, signal in enumerate(self.signals):
-                forces[:, stage, column] = signal.on_grid(
-                    start + node * step, step, count * self.steps
-                )
-        return forces
+            inputs[:, stage] = on_grid(self._inputs, start + node * step, step, count * self.steps)
+        return inputs
 
     def _steps_for(
-        self, displacements: NDArray[np.float64], velocities: NDArray[np.float64]
+        self, ahead: int, displacements: NDArray[np.float64], velocities: NDArray[np.float64]
     ) -> int:
-        fastest = fastest_rate(self.model, displacements, self.interval, velocities)
+        """Find the steps for states that were passed up to a number of samples ahead."""
+        time = self.origin + self.start + (self._index + ahead) * self.interval
+        fastest = fastest_rate(self.model, displacements, self.interval, velocities, time)
         steps = self.interval * fastest / self.step_limit
         if steps > LARGEST_STEPS:
             raise MachineError(

@@ -29,10 +29,10 @@ def _stage_states(
     velocity: Reals,
     hidden: Reals,
     step: float,
-    forces: Reals,
+    inputs: Reals,
     *equations: Reals,
 ) -> tuple[Reals, Reals, Reals, Reals, Reals, Reals, Reals]:
-    count, stages = forces.shape[0], forces.shape[1]
+    count, stages = inputs.shape[0], inputs.shape[1]
     n = displacement.size
     displacements = np.empty((count, stages, n))
     velocities = np.empty((count, stages, n))
@@ -63,7 +63,7 @@ def _stage_states(
                 displacements[index, stage],
                 velocities[index, stage],
                 hiddens[index, stage],
-                forces[index, stage],
+                inputs[index, stage],
                 accelerated[index, stage],
                 hidden_rates[stage],
                 equations,

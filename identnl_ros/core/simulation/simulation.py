@@ -16,6 +16,7 @@ from identnl_ros.core.mechanics.modes import stiffest_state_matrix
 from identnl_ros.core.mechanics.sharpness import sharpest_rate
 from identnl_ros.core.simulation.equations import equations_of as equations_of, initial_hidden
 from identnl_ros.core.simulation.excitation import Signal
+from identnl_ros.core.simulation.inputs import inputs_of, on_grid
 from identnl_ros.core.simulation.integrator import (
     accelerations,
     branch,
@@ -42,6 +43,7 @@ def steps_per_sample(
     displacements: NDArray[np.float64],
     interval: float,
     velocities: NDArray[np.float64] | None = None,
+    time: float = 0.0,
 ) -> int:
     """
     Choose how many integration steps fit the machine's fastest motion.
@@ -55,13 +57,15 @@ def steps_per_sample(
         Between samples [s].
     velocities : ndarray, shape (n_states, n_coordinates), or None
         Of the same states, at samples in time order; None: the machine rests.
+    time : float
+        Of the last state, since the begin of the stream [s].
 
     Returns
     -------
     int
 
     """
-    fastest = fastest_rate(model, displacements, interval, velocities)
+    fastest = fastest_rate(model, displacements, interval, velocities, time)
     return max(1, int(np.ceil(interval * fastest / STEP_LIMIT)))
 
 
@@ -70,13 +74,14 @@ def fastest_rate(
     displacements: NDArray[np.float64],
     interval: float,
     velocities: NDArray[np.float64] | None = None,
+    time: float = 0.0,
 ) -> float:
     """
     Find the fastest motion that integration steps have to resolve.
 
     Parameters
     ----------
-    model, displacements, interval, velocities
+    model, displacements, interval, velocities, time
         As in `steps_per_sample`.
 
     Returns
@@ -88,7 +93,7 @@ def fastest_rate(
     if velocities is not None:
         finite = np.isfinite(velocities).all(axis=1)
         displacements, velocities = displacements[finite], velocities[finite]
-    matrix = stiffest_state_matrix(model, displacements, velocities)
+    matrix = stiffest_state_matrix(model, displacements, velocities, time)
     fastest = float(np.abs(np.linalg.eigvals(matrix)).max())
     if velocities is None:
         return fastest
@@ -98,7 +103,7 @@ def fastest_rate(
 @dataclass
 class Simulation:
     """
-    One run of a machine under given forces, advanced piece by piece.
+    One run of a machine under given forces, advanced piece by piece from the begin of a stream.
 
     Parameters
     ----------
@@ -127,6 +132,7 @@ class Simulation:
     def __post_init__(self) -> None:
         """Prepare the arrays of the compiled integrator."""
         self._equations = equations_of(self.model)
+        self._inputs = inputs_of(self.model, self.signals)
         self.hidden = initial_hidden(self.model, self.hidden)
         self._index = 0
 
@@ -160,7 +166,8 @@ class Simulation:
             # then. With far too large ones the integration itself breaks down.
             passed = displacement[: max(bounded, 1)]
             rates = velocity[: max(bounded, 1)]
-            needed = steps_per_sample(self.model, passed, self.interval, rates)
+            end = start + count * self.interval
+            needed = steps_per_sample(self.model, passed, self.interval, rates, end)
             if needed <= self.steps:
                 break
             self.steps = needed if bounded > count else min(needed, 4 * self.steps)
@@ -182,7 +189,7 @@ class Simulation:
         step = self.interval / self.steps
         result: tuple[NDArray[np.float64], ...] = integrate(
             self.displacement, self.velocity, self.hidden, step, self.steps,
-            self._stage_forces(start, step, count * self.steps), *self._equations.arrays,
+            self._stage_inputs(start, step, count * self.steps), *self._equations.arrays,
         )  # fmt: skip
         return result
 
@@ -207,29 +214,23 @@ class Simulation:
         if fraction > 0:
             # Short runs of their own from every output instant: exact to the method's order.
             step = fraction * self.interval / self.steps
-            forces = np.empty((count, self.steps, STAGES, len(self.signals)))
+            inputs = np.empty((count, self.steps, STAGES, len(self._inputs)))
             for part in range(self.steps):
                 for stage, node in enumerate(NODES):
-                    forces[:, part, stage] = self._forces(
-                        start + (part + node) * step, self.interval, count
+                    inputs[:, part, stage] = on_grid(
+                        self._inputs, start + (part + node) * step, self.interval, count
                     )
             displacement, velocity, hidden = branch(
-                displacement, velocity, hidden, step, forces, *self._equations.arrays
+                displacement, velocity, hidden, step, inputs, *self._equations.arrays
             )
-        force = self._forces(start + fraction * self.interval, self.interval, count)
+        inputs = on_grid(self._inputs, start + fraction * self.interval, self.interval, count)
         acceleration = accelerations(
-            displacement, velocity, hidden, force, *self._equations.arrays
+            displacement, velocity, hidden, inputs, *self._equations.arrays
         )
         return displacement, velocity, acceleration
 
-    def _stage_forces(self, start: float, step: float, count: int) -> NDArray[np.float64]:
-        forces = np.empty((count, STAGES, len(self.signals)))
+    def _stage_inputs(self, start: float, step: float, count: int) -> NDArray[np.float64]:
+        inputs = np.empty((count, STAGES, len(self._inputs)))
         for stage, node in enumerate(NODES):
-            forces[:, stage] = self._forces(start + node * step, step, count)
-        return forces
-
-    def _forces(self, start: float, step: float, count: int) -> NDArray[np.float64]:
-        forces = np.empty((count, len(self.signals)))
-        for column, signal in enumerate(self.signals):
-            forces[:, column] = signal.on_grid(start, step, count)
-        return forces
+            inputs[:, stage] = on_grid(self._inputs, start + node * step, step, count)
+        return inputs

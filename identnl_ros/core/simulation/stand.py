@@ -161,6 +161,7 @@ class SimulatedStand:
         fractions = tuple(sorted({0.0, *(delay.fraction for delay in self._delays)}))
         motions = self._simulation.advance(self._chunk_size, fractions)
         start = self._chunk_index * self._chunk_size / self._rate
+        time = start + np.arange(self._chunk_size) / self._rate
         self._chunk_index += 1
         columns = {}
         for kind, motion in zip(MOTION_KINDS, motions, strict=True):
@@ -177,9 +178,11 @@ class SimulatedStand:
             longer = np.concatenate((self._history[channel], columns[channel]))
             readings[:, channel] = longer[: self._chunk_size]
             self._history[channel] = longer[len(longer) - delay.samples :]
-        return self._imperfect(readings)
+        return self._imperfect(readings, time)
 
-    def _imperfect(self, readings: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _imperfect(
+        self, readings: NDArray[np.float64], time: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         sensors = self._actual.sensors
         noise = np.nan_to_num(np.array([sensor.noise for sensor in sensors]))
         readings = readings + noise * self._noise.standard_normal(readings.shape)
@@ -194,7 +197,8 @@ class SimulatedStand:
                     readings[:, channel] / actual.resolution
                 )
             if declared is not actual:
-                readings[:, channel] = declared.to_si(actual.to_recorded(readings[:, channel]))
+                recorded = actual.to_recorded(readings[:, channel], time)
+                readings[:, channel] = declared.to_si(recorded, time)
         return np.where(lost, np.nan, readings)
 
     def _at_rest(self, rest: NDArray[np.float64]) -> list[NDArray[np.float64]]:

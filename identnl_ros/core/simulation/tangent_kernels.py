@@ -6,10 +6,10 @@ import numba
 import numpy as np
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def newmark(
     state, forcing, slopes, lines, mass, damping, rate_slopes, rate_lines,
-    inside, hidden_slopes, hidden_lines, hidden_pull, interval, beta,
+    inside, hidden_slopes, hidden_lines, hidden_pull, interval, beta, length,
 ):  # fmt: skip
     """
     Integrate the linearised equations of motion of many columns at once.
@@ -40,16 +40,19 @@ def newmark(
         [s].
     beta : float
         Parameter of Newmark's method; its other one is 1/2.
+    length : int
+        Consecutive samples whose mean is wanted.
 
     Returns
     -------
-    ndarray, shape (n_samples, 3, n, n_columns)
+    ndarray, shape (n_samples // length, 3, n, n_columns)
 
     """
     samples = forcing.shape[0] - 1
     n, columns = state.shape[1], state.shape[2]
     unknowns = forcing.shape[2]
-    result = np.empty((samples, 3, n, columns))
+    result = np.zeros((samples // length, 3, n, columns))
+    part = 1.0 / length
     displacement, velocity, acceleration = state[0], state[1], state[2]
     stiffness = np.empty((n, n))
     factor = np.empty((n, n))
@@ -98,12 +101,16 @@ def newmark(
                 velocity[i, j] += half * right[i, j]
         for one in range(hidden_pull.size):
             _follow(inside[:, one], velocity, hidden_slopes[sample, one], hidden_lines[one], half)
-        if sample < samples:
-            result[sample] = state
+        if sample < samples // length * length:
+            mean = result[sample // length]
+            for order in range(3):
+                for i in range(n):
+                    for j in range(columns):
+                        mean[order, i, j] += part * state[order, i, j]
     return result
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _pull(factor, right, inside, velocity, slopes, line, pull, half):
     # The trapezoidal rule gives the hysteretic state from the velocity now, which is not known
     # before the acceleration is: its share goes to the left side.
@@ -121,7 +128,7 @@ def _pull(factor, right, inside, velocity, slopes, line, pull, half):
             factor[i, k] += half * pull * by_velocity * line[i] * line[k]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _follow(inside, velocity, slopes, line, half):
     share = 1.0 / (1.0 - half * slopes[1])
     for j in range(velocity.shape[1]):
@@ -132,7 +139,7 @@ def _follow(inside, velocity, slopes, line, half):
         inside[1, j] = rate + slopes[1] * inside[0, j]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _stiffness(stiffness, slopes, lines):
     n = lines.shape[1]
     stiffness[:] = 0.0
@@ -148,7 +155,7 @@ def _stiffness(stiffness, slopes, lines):
                 stiffness[i, j] += part * lines[line, j]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _solve(matrix, right):
     # Symmetric positive definite up to strong softening: elimination without pivoting.
     n, columns = right.shape

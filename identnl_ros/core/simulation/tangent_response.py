@@ -10,13 +10,13 @@ never its consistency, as the motion itself is integrated by `simulation`. Force
 within a sample, of friction and backlash, count with their mean over it.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from identnl_ros.core.mechanics.force_derivatives import ForceDerivatives
 from identnl_ros.core.mechanics.hidden_states import hidden_motion
 from identnl_ros.core.mechanics.laws import SHARP_KINDS
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.simulation.line_slopes import line_slopes
+from identnl_ros.core.simulation.line_slopes import line_slopes, LineSlopes
 from identnl_ros.core.simulation.tangent_kernels import newmark
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,119 @@ UNCONDITIONALLY_STABLE = 0.25
 STABLE_STEP = 2.2
 # Places within a sample at which forces that bend sharply are averaged.
 PLACES = (np.arange(8) - 3.5) / 8
+
+
+@dataclass(frozen=True)
+class LinearisedEquations:
+    """
+    Equations of motion linearised along a motion.
+
+    Parameters
+    ----------
+    model : Model
+    slopes : LineSlopes
+        At every sample.
+    interval : float
+        Between samples [s].
+    beta : float
+        Parameter of Newmark's method.
+
+    """
+
+    model: Model
+    slopes: LineSlopes
+    interval: float
+    beta: float
+
+    def respond(
+        self,
+        state: Reals,
+        forcing: Reals,
+        inside: Reals | None = None,
+        begin: int = 0,
+        length: int = 1,
+    ) -> Reals:
+        """
+        Integrate over a number of samples, many columns at once.
+
+        Parameters
+        ----------
+        state : ndarray, shape (3, n_coordinates, n_columns)
+            Displacement, velocity, acceleration; overwritten by those after the last sample.
+        forcing : ndarray, shape (n_samples + 1, n_coordinates, n_forced)
+            On the first columns; the others move freely [N, N m].
+        inside : ndarray, shape (2, n_hidden, n_columns), or None
+            Hysteretic states and their rates; overwritten. None: there are none.
+        begin : int
+            Sample of the motion at which the forcing begins.
+        length : int
+            Consecutive samples whose mean is wanted.
+
+        Returns
+        -------
+        ndarray, shape (n_samples // length, 3, n_coordinates, n_columns)
+
+        """
+        part = slice(begin, begin + len(forcing))
+        found = self.slopes
+        if inside is None:
+            inside = np.zeros((2, len(found.hidden_pull), state.shape[2]))
+        responses: Reals = newmark(
+            state,
+            np.ascontiguousarray(forcing),
+            np.ascontiguousarray(found.stiffness[part]),
+            np.ascontiguousarray(self.model.lines),
+            self.model.mass_diagonal(),
+            np.ascontiguousarray(found.damping),
+            np.ascontiguousarray(found.rate[part]),
+            found.rate_lines,
+            inside,
+            np.ascontiguousarray(found.hidden_slopes[part]),
+            found.hidden_lines,
+            found.hidden_pull,
+            self.interval,
+            self.beta,
+            length,
+        )
+        return responses
+
+
+def linearise(
+    model: Model,
+    displacement: Reals,
+    velocity: Reals,
+    acceleration: Reals,
+    hidden: Reals,
+    interval: float,
+    time: Reals | None = None,
+) -> LinearisedEquations:
+    """
+    Linearise the equations of motion along a motion.
+
+    Parameters
+    ----------
+    model : Model
+    displacement, velocity, acceleration : ndarray, shape (n_samples, n_coordinates)
+    hidden : ndarray, shape (n_samples, n_hidden)
+    interval : float
+        Between samples [s].
+    time : ndarray, shape (n_samples,), or None
+        Since the begin of the stream [s]; None where nothing depends on it.
+
+    Returns
+    -------
+    LinearisedEquations
+
+    """
+    sharp = any(term.law.kind in SHARP_KINDS for term in model.terms)
+    span = (velocity * (interval / 2), acceleration * (interval / 2)) if sharp else None
+    slopes = line_slopes(model, displacement, velocity, hidden, span, time)
+    stiffest = np.abs(slopes.stiffness).max(axis=0)
+    lines = model.lines / np.sqrt(model.mass_diagonal())
+    largest = np.linalg.eigvalsh((lines.T * stiffest) @ lines)[-1]
+    fast = interval * np.sqrt(largest) > STABLE_STEP
+    beta = UNCONDITIONALLY_STABLE if fast else FOURTH_ORDER
+    return LinearisedEquations(model, slopes, interval, beta)
 
 
 class TangentResponse:
@@ -46,11 +159,22 @@ class TangentResponse:
         Between samples [s].
     disturbances : int
         Further forces whose response is wanted.
+    start : float
+        Time of the first sample since the begin of the stream [s].
+
+    Attributes
+    ----------
+    time : float
+        Time of the present sample since the begin of the stream [s]; may be set. Matters to
+        periodic forces and to stiffness that drifts.
 
     """
 
-    def __init__(self, model: Model, interval: float, disturbances: int = 0) -> None:
+    def __init__(
+        self, model: Model, interval: float, disturbances: int = 0, start: float = 0.0
+    ) -> None:
         self._interval = interval
+        self.time = start
         n = len(model.coordinates)
         self._unknowns = len(model.estimated) + disturbances
         columns = self._unknowns + 2 * n
@@ -79,7 +203,6 @@ class TangentResponse:
             if sharp
             else None
         )
-        self._mass = model.mass_diagonal()
 
     @property
     def present(self) -> Reals:
@@ -124,37 +247,45 @@ class TangentResponse:
         if hidden is None:
             hidden = hidden_motion(model, displacement, velocity, self._hidden)
         self._hidden = hidden[-1]
-        forcing = -self._derivatives.of_motion(displacement, velocity, acceleration, hidden)
-        span = None
-        if self._sharp is not None:
-            forcing -= self._mean_sharp(self._sharp, displacement, velocity, acceleration)
-            span = velocity * (self._interval / 2), acceleration * (self._interval / 2)
+        times: Reals = self.time + self._interval * np.arange(len(displacement), dtype=np.float64)
+        self.time = float(times[-1])
+        forcing = self.forcing(displacement, velocity, acceleration, hidden, times)
         if disturbance is not None:
             forcing = np.concatenate((forcing, disturbance), axis=2)
-        found = line_slopes(model, displacement, velocity, hidden, span)
-        slopes = found.stiffness
-        stiffest = np.abs(slopes).max(axis=0)
-        scale = 1 / np.sqrt(self._mass)
-        lines = model.lines * scale
-        largest = np.linalg.eigvalsh((lines.T * stiffest) @ lines)[-1]
-        fast = self._interval * np.sqrt(largest) > STABLE_STEP
-        derivatives: Reals = newmark(
-            self._state,
-            np.ascontiguousarray(forcing),
-            np.ascontiguousarray(slopes),
-            np.ascontiguousarray(model.lines),
-            self._mass,
-            np.ascontiguousarray(found.damping),
-            np.ascontiguousarray(found.rate),
-            found.rate_lines,
-            self._inside,
-            np.ascontiguousarray(found.hidden_slopes),
-            found.hidden_lines,
-            found.hidden_pull,
-            self._interval,
-            UNCONDITIONALLY_STABLE if fast else FOURTH_ORDER,
+        linearised = linearise(
+            model, displacement, velocity, acceleration, hidden, self._interval, times
         )
+        derivatives: Reals = linearised.respond(self._state, forcing, self._inside)
         return derivatives
+
+    def forcing(
+        self,
+        displacement: Reals,
+        velocity: Reals,
+        acceleration: Reals,
+        hidden: Reals,
+        time: Reals | None = None,
+    ) -> Reals:
+        """
+        Give the forces by which errors of the unknowns disturb the motion.
+
+        Parameters
+        ----------
+        displacement, velocity, acceleration : ndarray, shape (n_samples, n_coordinates)
+        hidden : ndarray, shape (n_samples, n_hidden)
+        time : ndarray, shape (n_samples,), or None
+            Since the begin of the stream [s]; None where nothing depends on it.
+
+        Returns
+        -------
+        ndarray, shape (n_samples, n_coordinates, n_unknowns)
+            [N, N m per unit of each].
+
+        """
+        forcing = -self._derivatives.of_motion(displacement, velocity, acceleration, hidden, time)
+        if self._sharp is not None:
+            forcing -= self._mean_sharp(self._sharp, displacement, velocity, acceleration)
+        return forcing
 
     def _mean_sharp(
         self, sharp: ForceDerivatives, displacement: Reals, velocity: Reals, acceleration: Reals

@@ -303,6 +303,7 @@ class Validation:
             model or self._model, prepared.signals, 1 / self._rate,
             displacement.copy(), velocity.copy(),
             start=prepared.first / self._rate, step_limit=self._limit, sensitive=sensitive,
+            origin=prepared.origin,
         )  # fmt: skip
 
     def _columns(

@@ -286,6 +286,7 @@ class Recursion:
                 run.record.sample_rate,
                 run.state,
                 whole.function.stride,
+                float(run.record.time[whole.first]),
             )
 
     def _advance(self, final: bool) -> bool:

@@ -38,7 +38,9 @@ def rough_start(model: Model, record: MeasuredRecord) -> Model:
     transform = MotionTransform(model, record.layout, record.sample_rate)
     status = np.zeros(record.samples.shape[1], np.uint8)
     block = transform.add(
-        SampleBlock(1, 0, 0, record.sample_rate, record.samples, status, last=True)
+        SampleBlock(
+            1, 0, record.first_index, record.sample_rate, record.samples, status, last=True
+        )
     )
     if block is None:
         raise DataError('the record is too short to start from')

@@ -11,6 +11,7 @@ from identnl_ros.core.estimation.judged_estimate import judged_estimate, Verdict
 from identnl_ros.core.estimation.unknowns import (
     nothing_yet,
     require_coordinates,
+    require_no_time,
     require_same_unknowns,
     require_unknowns,
 )
@@ -54,6 +55,8 @@ class WeakIdentifier:
     ------
     DataError
         If the machine has no unknown parameter, or a known one without a value.
+    MachineError
+        If its forces depend on time.
 
     """
 
@@ -61,6 +64,7 @@ class WeakIdentifier:
 
     def __init__(self, model: Model, memory: float | None = None) -> None:
         require_unknowns(model)
+        require_no_time(model, self.estimator)
         self._model = model
         self._memory = memory
         self.reset()

@@ -31,6 +31,8 @@ STATES = 64
 INEXACT = 1e-4
 # An estimate below this fraction of its like is no start for a simulation.
 SMALLEST_SHARE = 0.02
+# Symbols of what may have either sign: amplitudes of periodic forces, rates of stiffness.
+EITHER_SIGN = {'F_cos', 'F_sin', 'k_t'}
 
 Windows = tuple[Reals, Reals]
 
@@ -100,15 +102,25 @@ def _windows(
     force = record.force @ model.excitation_directions
     measured = {kind for kind, _ in weights.matrices}
 
-    def parts(order: int, *motion: Reals) -> Windows:
+    # What acts at rest is the same at all instants, but for periodic forces.
+    resting = len(record) if model.time_dependent else 1
+
+    def parts(
+        order: int, displacement: Reals, velocity: Reals, acceleration: Reals, force: Reals
+    ) -> Windows:
         """Integrate against a derivative of the test function what is linear in the rest."""
-        regressor, target = regression.rows(*motion)
-        still_regressor, still_target = regression.rows(*(nothing[:1],) * 4)
-        shape = len(motion[0]), n, -1
+        regressor, target = regression.rows(
+            displacement, velocity, acceleration, force, record.time
+        )
+        still = nothing[:resting]
+        still_regressor, still_target = regression.rows(
+            still, still, still, still, record.time[:resting]
+        )
+        shape = len(displacement), n, -1
         # Constant parts belong to the elastic forces alone.
-        if order or motion[0] is nothing:
-            regressor = regressor.reshape(shape) - still_regressor
-            target = target.reshape(shape[:2]) - still_target
+        if order or displacement is nothing:
+            regressor = regressor.reshape(shape) - still_regressor.reshape(resting, n, -1)
+            target = target.reshape(shape[:2]) - still_target.reshape(resting, n)
         sign = -1.0 if order == 1 else 1.0
         of = sign * (function.derivative(order) if order else function.values)
         return (
@@ -174,7 +186,7 @@ def _positive(model: Model, solution: Solution) -> Reals:
     symbols = np.array([model.parameters[i].symbol for i in model.estimated])
     values = solution.values.copy()
     sizes = np.abs(values)
-    for symbol in set(symbols):
+    for symbol in set(symbols) - EITHER_SIGN:
         like = symbols == symbol
         floor = SMALLEST_SHARE * float(np.median(sizes[like]))
         values[like] = np.maximum(values[like], floor)

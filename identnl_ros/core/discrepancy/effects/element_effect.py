@@ -3,6 +3,7 @@
 """Effects that are one element of `identnl_ros.core.mechanics.elements` at a joint."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import ClassVar
 
 from identnl_ros.core.discrepancy.description import Description
@@ -12,6 +13,8 @@ from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.elements import Element, ELEMENT_KINDS
 from identnl_ros.core.mechanics.joints import Joint
 
+# Factors about every inner parameter of the coarse grid.
+FINER = (0.5, 0.66, 0.81, 1.0, 1.23, 1.52, 2.0)
 # By inner parameter: ``deformation`` or ``rate``, and the share of its largest value.
 Shares = tuple[Mapping[str, tuple[str, float]], ...]
 
@@ -59,6 +62,20 @@ class ElementEffect(JointElement):
 
         """
         return ({},)
+
+    def finer_variants(
+        self, description: Description, place: Place, scale: Scale
+    ) -> Sequence[Mapping[str, float]]:
+        """List inner parameters about those of `variants`."""
+        return tuple(
+            {
+                name: value * factor
+                for (name, value), factor in zip(one.items(), factors, strict=True)
+            }
+            for one in ElementEffect.variants(self, description, place, scale)
+            if any(one.values())
+            for factors in product(FINER, repeat=len(one))
+        )
 
     def variants(
         self, description: Description, place: Place, scale: Scale

@@ -29,8 +29,8 @@ from hidden_cases import (
 from identnl_ros.core.discrepancy.diagnosis import diagnose, Verdict
 from identnl_ros.core.discrepancy.held_out import held_out_error
 from identnl_ros.core.discrepancy.rereading import reread
+from identnl_ros.core.discrepancy.start_values import start_values
 from identnl_ros.core.errors import IdentnlError
-from identnl_ros.sources.record_diagnosis import start_values
 from monte_carlo import RESULTS, SEED, workers
 import numpy as np
 from rich.console import Console

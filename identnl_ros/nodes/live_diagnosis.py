@@ -157,9 +157,9 @@ class LiveDiagnosis:
         health.values |= {
             'verdict': _VERDICTS[report.verdict],
             'missing': ', '.join(f'{one.effect} at {one.location}' for one in report.findings),
-            'held-out error before [-]': f'{report.held_out_error_before:.3g}',
-            'held-out error after [-]': f'{report.held_out_error_after:.3g}',
-            'held-out error of noise alone [-]': f'{report.held_out_error_floor:.3g}',
+            'held-out force error before [-]': f'{report.held_out_error_before:.3g}',
+            'held-out force error after [-]': f'{report.held_out_error_after:.3g}',
+            'held-out force error of noise alone [-]': f'{report.held_out_error_floor:.3g}',
         }
         if report.verdict != DiscrepancyReport.VERDICT_COMPLETE:
             health.add(Level.WARN, report.sentence)

@@ -6,8 +6,9 @@ from math import isfinite
 from typing import Any
 
 from identnl_ros.core.discrepancy.checked_diagnosis import CheckedDiagnosis
-from identnl_ros.core.discrepancy.diagnosis import NamedEffect, Verdict
+from identnl_ros.core.discrepancy.diagnosis import Verdict
 from identnl_ros.core.discrepancy.effect import Hypothesis
+from identnl_ros.core.discrepancy.named_effect import NamedEffect
 from identnl_ros.reports.paper_units import readable_unit
 from identnl_ros.reports.splitting_test import splitting_test
 

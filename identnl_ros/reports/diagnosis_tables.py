@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import math
 
 from identnl_ros.core.discrepancy.checked_diagnosis import CheckedDiagnosis
-from identnl_ros.core.discrepancy.diagnosis import NamedEffect
 from identnl_ros.core.discrepancy.held_out import HeldOutError
 from identnl_ros.core.discrepancy.library import EFFECTS
+from identnl_ros.core.discrepancy.named_effect import NamedEffect
 from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.reports.diagnosis_document import summary
 from identnl_ros.reports.paper_units import PaperUnit, readable_unit

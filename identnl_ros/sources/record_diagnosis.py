@@ -9,14 +9,10 @@ from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.diagnosis import diagnose
 from identnl_ros.core.discrepancy.held_out import held_out_error
 from identnl_ros.core.discrepancy.rereading import reread
-from identnl_ros.core.errors import DataError, LayoutError
+from identnl_ros.core.discrepancy.start_values import start_values
+from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
-from identnl_ros.core.mechanics.assembly import assemble
-from identnl_ros.core.mechanics.elements import Element
 from identnl_ros.core.mechanics.machine import Machine
-from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.weak.rough_start import rough_start
-import numpy as np
 
 # Samples that are diagnosed, and that are held out to check the result.
 LONGEST = 2**14
@@ -111,31 +107,3 @@ def diagnose_record(
         diagnosis, machine, len(record.samples), len(held_out.samples), record.sample_rate,
         before, after, problems,
     )  # fmt: skip
-
-
-def start_values(machine: Machine, record: MeasuredRecord) -> Model:
-    """
-    Take start values from the data where possible, else from the machine file.
-
-    Parameters
-    ----------
-    machine : Machine
-    record : MeasuredRecord
-
-    Returns
-    -------
-    Model
-
-    """
-    model = assemble(machine)
-    known = bool(np.isfinite(model.values).all())
-    elements = any(isinstance(joint, Element) for joint in machine.joints)
-    # Weak-form windows need forces that are linear in the rate; values that stand beside friction
-    # are those of an earlier fit.
-    if not model.estimated or (known and elements):
-        return model
-    try:
-        return rough_start(model, record)
-    except (DataError, LayoutError):
-        model.require_values()
-        return model

@@ -7,11 +7,12 @@ from io import BytesIO, StringIO
 
 from identnl_ros.core.discrepancy.checked_diagnosis import CheckedDiagnosis
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.diagnosis import Diagnosis, NamedEffect, Verdict
+from identnl_ros.core.discrepancy.diagnosis import Diagnosis, Verdict
 from identnl_ros.core.discrepancy.effect import Hypothesis
 from identnl_ros.core.discrepancy.held_out import held_out_error
 from identnl_ros.core.discrepancy.hidden_effect import choose_place
 from identnl_ros.core.discrepancy.library import EFFECTS
+from identnl_ros.core.discrepancy.named_effect import NamedEffect
 from identnl_ros.core.discrepancy.rereading import reread
 from identnl_ros.core.discrepancy.selection import Finding
 from identnl_ros.core.discrepancy.settled_model import settled

@@ -12,31 +12,27 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from identnl_ros.core.discrepancy.contenders import chosen
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Effect, Hypothesis
 from identnl_ros.core.discrepancy.evidence import Evidence
 from identnl_ros.core.discrepancy.library import EFFECTS, hypotheses_about
+from identnl_ros.core.discrepancy.named_effect import named_effect, NamedEffect
 from identnl_ros.core.discrepancy.rereading import reread
-from identnl_ros.core.discrepancy.selection import Finding, SAME, Selection
+from identnl_ros.core.discrepancy.selection import Finding, Selection
 from identnl_ros.core.discrepancy.settled_model import (
     settled,
     SettledModel,
-    start_of,
     with_noise_anew,
 )
+from identnl_ros.core.discrepancy.tones import standing_out
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
-from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.model import Model
 import numpy as np
-from numpy.typing import NDArray
 
 MOST_FINDINGS = 5
 # Share of what noise does not explain that may be left once effects are named.
 UNEXPLAINED_SHARE = 0.02
-# Hypotheses that are fitted in full before one is chosen, and the share of the leader's gain that
-# they need.
-CONTENDERS = 3
-CLOSE = 0.9
 
 
 class Verdict(Enum):
@@ -46,54 +42,6 @@ class Verdict(Enum):
     EXPLAINED = 'explained'
     PARTLY_EXPLAINED = 'partly_explained'
     UNEXPLAINED = 'unexplained'
-
-
-@dataclass(frozen=True)
-class NamedEffect:
-    """
-    An effect that was missing.
-
-    Parameters
-    ----------
-    finding : Finding
-        As it was chosen.
-    size, deviation : float
-        After everything was fitted anew [SI].
-    inner : tuple of InnerValue
-        Its inner parameters.
-
-    """
-
-    finding: Finding
-    size: float
-    deviation: float
-    inner: tuple['InnerValue', ...] = ()
-
-    @property
-    def hypothesis(self) -> Hypothesis:
-        """Effect, place and inner parameters."""
-        return self.finding.hypothesis
-
-
-@dataclass(frozen=True)
-class InnerValue:
-    """
-    An inner parameter of an effect that was named.
-
-    Parameters
-    ----------
-    name, unit : str
-    value : float
-        [SI].
-    deviation : float
-        NaN: it was not fitted, only the best of those tried.
-
-    """
-
-    name: str
-    unit: str
-    value: float
-    deviation: float
 
 
 @dataclass(frozen=True)
@@ -162,62 +110,22 @@ def diagnose(
     while len(named) < MOST_FINDINGS:
         progress(f'testing the library of effects, {len(named)} named')
         comparison = present.comparison
+        evidence = Evidence(comparison)
+        scale = replace(comparison.scale, frequencies=standing_out(evidence))
         hypotheses = hypotheses_about(
-            present.description, comparison.scale, comparison.residual_ratios(), effects
+            present.description, scale, comparison.residual_ratios(), effects
         )
-        selection = Selection(Evidence(comparison), hypotheses, generator)
+        selection = Selection(evidence, scale, hypotheses, generator)
         null = selection.null_maxima()
         if not detectable:
             detectable = _detectable(selection, float(np.quantile(null, 0.99)))
-        chosen = _chosen(selection, null, present, record)
-        if chosen is None:
+        best = chosen(selection, null, present, record)
+        if best is None:
             break
-        finding, after = chosen
+        finding, after = best
         present = with_noise_anew(after, reread(record, after.description.layout))
         named.append(finding)
     return _judged(before, present, named, detectable)
-
-
-def _chosen(
-    selection: Selection, null: NDArray[np.float64], present: SettledModel, record: MeasuredRecord
-) -> tuple[Finding, SettledModel] | None:
-    """Fit the foremost hypotheses in full; the one that leaves least is chosen."""
-    found: list[tuple[Finding, SettledModel]] = []
-    excluded: list[tuple[str, str]] = []
-    while len(found) < CONTENDERS:
-        finding = selection.best(null, excluded)
-        if finding is None or (found and finding.gain < CLOSE * found[0][0].gain):
-            break
-        excluded.append(finding.hypothesis.key)
-        after = _with(present, finding, record)
-        found.append((finding, after))
-        if after.is_noise and len(found) == 1 and not finding.rivals:
-            break
-    improved = [one for one in found if one[1].cost < present.cost]
-    least = min((one[1].cost for one in improved), default=0.0)
-    return next((one for one in improved if one[1].cost < least + SAME), None)
-
-
-def _with(present: SettledModel, finding: Finding, record: MeasuredRecord) -> SettledModel:
-    """Add an effect and fit everything anew."""
-    description = finding.hypothesis.applied(present.description, finding.size)
-    known = {one.name: one.value for one in present.model.parameters}
-    model = start_of(description, _carried(known, description, present.description))
-    # All contenders are judged by the same noise.
-    noise = present.comparison.deviation
-    return settled(description, model, reread(record, description.layout), noise=noise)
-
-
-def _carried(
-    known: dict[str, float], description: Description, before: Description
-) -> dict[str, float]:
-    """Carry fitted values over, but those that the effect itself has changed."""
-    old = {one.name: one for one in assemble(before.machine).parameters}
-    return {
-        one.name: known[one.name]
-        for one in assemble(description.machine).parameters
-        if one.name in known and one.value == old[one.name].value
-    }
 
 
 def _judged(
@@ -237,67 +145,12 @@ def _judged(
     vouched = verdict is not Verdict.UNEXPLAINED
     return Diagnosis(
         verdict,
-        tuple(_final(finding, before, after) for finding in findings) if vouched else (),
+        tuple(named_effect(finding, before, after) for finding in findings) if vouched else (),
         () if vouched else tuple(finding.hypothesis for finding in findings),
         before,
         after if vouched else before,
         detectable,
     )
-
-
-def _final(finding: Finding, before: SettledModel, after: SettledModel) -> NamedEffect:
-    """Read the size off the last fit, where it is a parameter of the machine."""
-    hypothesis = finding.hypothesis
-    effect, place = hypothesis.effect, hypothesis.place
-    known = {before.model.parameters[i].name for i in before.model.estimated}
-    given = {one.name: one.value for one in before.model.parameters}
-    fitted = _fitted(after)
-    changed = f'{place.part}.{effect.size_name}'
-    inner = _inner(hypothesis, after)
-    size = effect.fitted_size(place, fitted)
-    if size is not None:
-        return NamedEffect(finding, *size, inner)
-    if changed in fitted and changed not in known:
-        value, deviation = fitted[changed]
-        return NamedEffect(finding, value - _described(before, changed, given), deviation)
-    return NamedEffect(finding, finding.size, finding.deviation, inner)
-
-
-def _fitted(settled: SettledModel) -> dict[str, tuple[float, float]]:
-    """Collect estimates and their standard deviations by name."""
-    return {
-        settled.model.parameters[index].name: (
-            settled.model.parameters[index].value,
-            float(deviation),
-        )
-        for index, deviation in zip(settled.model.estimated, settled.deviations, strict=True)
-    }
-
-
-def _inner(hypothesis: Hypothesis, after: SettledModel) -> tuple[InnerValue, ...]:
-    """Read inner parameters off the last fit, as far as it fitted them."""
-    effect, place = hypothesis.effect, hypothesis.place
-    prefix = effect.part_name(place)
-    fitted = _fitted(after)
-    values = {one.name: one.value for one in after.model.parameters}
-    numbers = effect.fitted_inner(place, hypothesis.inner, values)
-    return tuple(
-        InnerValue(
-            name,
-            effect.inner_unit(name, place),
-            float(value),
-            fitted.get(f'{prefix}.{name}', (0.0, float('nan')))[1],
-        )
-        for name, value in numbers.items()
-    )
-
-
-def _described(before: SettledModel, name: str, given: dict[str, float]) -> float:
-    """Find the value of a number that the description had."""
-    if name in given:
-        return given[name]
-    part, key = name.split('.')
-    return float(getattr(before.description.joint(part), key).value)
 
 
 def _merged(named: list[Finding]) -> list[Finding]:

@@ -10,6 +10,7 @@ proportion to its size; and of the deviations that sensor faults add. Rows are s
 averages over a few samples, weighted so that noise has unit variance.
 """
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -35,6 +36,26 @@ from scipy import fft
 Reals = NDArray[np.float64]
 
 CHUNK = 512
+# Directions of the unknowns that the data see less than this, relatively, do not count.
+DISTINCT = 1e-9
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """
+    What the unknowns and the initial state leave.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n_sensors, n_lines)
+        Complex.
+    basis : ndarray, shape (n_basis, n_motion_channels, n_lines)
+        Complex; orthonormal as real rows. What the unknowns and the initial state can explain.
+
+    """
+
+    residual: Lines
+    basis: Lines
 
 
 class Evidence:
@@ -121,6 +142,23 @@ class Evidence:
 
         """
         return lines if self.weights is None else self.weights.apply(lines)
+
+    @cached_property
+    def remaining(self) -> Remaining:
+        """What the unknowns and the initial state leave."""
+        rows = real_rows(self.base)
+        lengths = np.linalg.norm(rows, axis=1)
+        rows = rows[lengths > 0] / lengths[lengths > 0, np.newaxis]
+        left, triangle = np.linalg.qr(rows.T)
+        outer, sizes, _ = np.linalg.svd(triangle)
+        distinct = outer[:, sizes > DISTINCT * sizes.max(initial=1.0)]
+        basis = np.ascontiguousarray((left @ distinct).T)
+        residual = self.residual.copy()
+        count, lines = self.channels.count, residual.shape[1]
+        own = real_rows(residual[None, :count])[0]
+        own = own - basis.T @ (basis @ own)
+        residual[:count] = own.view(np.complex128).reshape(count, lines)
+        return Remaining(residual, basis.view(np.complex128).reshape(len(basis), count, lines))
 
     def _table(self, hidden: Reals) -> Reals:
         """Respond to the defect and to the unknowns; (n_columns, n_motion_channels, n)."""

@@ -102,8 +102,10 @@ def force_error(comparison: Comparison, seed: int = 0) -> ForceError:
     count = len(comparison.measured)
 
     def needed(motion: NominalMotion) -> Reals:
-        series = motion.displacement, motion.velocity, motion.acceleration
-        return left_hand_side(model, *(one[:count] for one in series), comparison.time[:count])
+        return left_hand_side(
+            model, motion.displacement[:count], motion.velocity[:count],
+            motion.acceleration[:count], comparison.time[:count],
+        )  # fmt: skip
 
     # The simulation solves the equations of motion: what they need along it is the exciters'.
     exciters = needed(comparison.simulated)

@@ -13,9 +13,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 import os
 
-from identnl_ros.core.discrepancy.effect import Hypothesis, SensorFault
-from identnl_ros.core.discrepancy.evidence import Evidence, real_rows
-from identnl_ros.core.discrepancy.force_noise import Lines
+from identnl_ros.core.discrepancy.effect import Hypothesis, Scale, SensorFault
+from identnl_ros.core.discrepancy.evidence import Evidence, real_rows, Remaining
 from identnl_ros.core.discrepancy.machine_columns import MachineColumns
 from identnl_ros.core.discrepancy.sensor_columns import SensorColumns
 import numpy as np
@@ -69,6 +68,8 @@ class Selection:
     Parameters
     ----------
     evidence : Evidence
+    scale : Scale
+        By which inner parameters were chosen.
     hypotheses : sequence of Hypothesis
     generator : numpy.random.Generator
         For the draws of noise.
@@ -78,14 +79,17 @@ class Selection:
     def __init__(
         self,
         evidence: Evidence,
+        scale: Scale,
         hypotheses: Sequence[Hypothesis],
         generator: np.random.Generator,
     ) -> None:
+        self.evidence = evidence
+        self.scale = scale
         inner = [one for one in hypotheses if not isinstance(one.effect, SensorFault)]
         faults = [one for one in hypotheses if isinstance(one.effect, SensorFault)]
         self.hypotheses = (*inner, *faults)
-        self._generator = generator
-        left = remaining(evidence)
+        self.generator = generator
+        left = evidence.remaining
         machine = _of_machine(evidence, inner, left, generator)
         sensors, self._fault_products = _of_sensors(evidence, faults, left)
         self._sketch = machine.sketch
@@ -146,16 +150,37 @@ class Selection:
             # Columns of the machine and of sensors are drawn apart: if that matters, the limit
             # is a little too high.
             sketch = sketch / np.linalg.norm(sketch, axis=1, keepdims=True)
-            noise = self._generator.standard_normal((DRAWS, sketch.shape[1]), dtype=np.float32)
+            noise = self.generator.standard_normal((DRAWS, sketch.shape[1]), dtype=np.float32)
             maxima = np.abs(noise @ sketch.T).max(axis=1).astype(np.float64)
         among = self._fault_products[np.ix_(used[count:], used[count:])]
         if len(among):
             size = np.sqrt(np.diag(among))
             squares, directions = np.linalg.eigh(among / np.outer(size, size))
             root = directions * np.sqrt(np.maximum(squares, 0.0))
-            draws = self._generator.standard_normal((DRAWS, len(among)))
+            draws = self.generator.standard_normal((DRAWS, len(among)))
             maxima = np.maximum(maxima, np.abs(draws @ root.T).max(axis=1))
         return np.asarray(maxima, dtype=np.float64)
+
+    def equals_of(self, finding: Finding) -> list[tuple[str, str]]:
+        """
+        Find the hypotheses that explain the same.
+
+        Parameters
+        ----------
+        finding : Finding
+
+        Returns
+        -------
+        list of (str, str)
+            Effects and places.
+
+        """
+        gains = self.scores() ** 2
+        return [
+            one.key
+            for one, gain in zip(self.hypotheses, gains, strict=True)
+            if abs(gain - finding.gain) < SAME and one.effect is finding.hypothesis.effect
+        ]
 
     def best(self, null: Reals, excluded: Sequence[tuple[str, str]] = ()) -> Finding | None:
         """
@@ -223,52 +248,6 @@ def tail(score: float, null: Reals) -> float:
         return float((1 + (null >= score).sum()) / (1 + len(null)))
     number = FALSE_ALARM_RATE / (2 * float(norm.sf(limit)))
     return float(min(FALSE_ALARM_RATE, 2 * number * norm.sf(score)))
-
-
-@dataclass(frozen=True)
-class Remaining:
-    """
-    What the unknowns and the initial state leave.
-
-    Parameters
-    ----------
-    residual : ndarray, shape (n_sensors, n_lines)
-        Complex.
-    basis : ndarray, shape (n_basis, n_motion_channels, n_lines)
-        Complex; orthonormal as real rows. What the unknowns and the initial state can explain.
-
-    """
-
-    residual: Lines
-    basis: Lines
-
-
-def remaining(evidence: Evidence) -> Remaining:
-    """
-    Take out what the unknowns and the initial state explain.
-
-    Parameters
-    ----------
-    evidence : Evidence
-
-    Returns
-    -------
-    Remaining
-
-    """
-    rows = real_rows(evidence.base)
-    lengths = np.linalg.norm(rows, axis=1)
-    rows = rows[lengths > 0] / lengths[lengths > 0, np.newaxis]
-    left, triangle = np.linalg.qr(rows.T)
-    outer, sizes, _ = np.linalg.svd(triangle)
-    basis = np.ascontiguousarray((left @ outer[:, sizes > 1e-9 * sizes.max(initial=1.0)]).T)
-    motion = evidence.channels.count
-    residual = evidence.residual.copy()
-    own = real_rows(residual[None, :motion])[0]
-    own = own - basis.T @ (basis @ own)
-    lines = residual.shape[1]
-    residual[:motion] = own.view(np.complex128).reshape(motion, lines)
-    return Remaining(residual, basis.view(np.complex128).reshape(len(basis), motion, lines))
 
 
 @dataclass(frozen=True)

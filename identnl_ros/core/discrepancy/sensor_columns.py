@@ -96,6 +96,6 @@ class SensorColumns:
         if weights is not None and along is not None:
             # Weights squared: one less directions (2 shrink - shrink^2) directions^H.
             share = np.sqrt(2 * weights.shrink - weights.shrink**2)
-            flat = (along * share).reshape(self.count, -1)
+            flat = (along * share).reshape(self.count, share.size)
             result -= (flat.conj() @ flat.T).real
         return result

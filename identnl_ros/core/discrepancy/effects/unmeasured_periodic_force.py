@@ -14,8 +14,9 @@ from identnl_ros.core.mechanics.periodic_force import FREQUENCY, PeriodicForce, 
 import numpy as np
 
 PHASE = 'phase'
-# Two phases a quarter of a period apart span all others.
-PHASES = (0.0, np.pi / 2)
+# So close that one of them explains 93 % of a wave of any phase.
+PHASES = tuple(np.arange(6) * np.pi / 6)
+FINER_PHASES = tuple(np.arange(48) * np.pi / 48)
 # A body does not move where its displacement per unit of every coordinate is this small.
 STILL = 1e-9
 
@@ -49,12 +50,14 @@ class UnmeasuredPeriodicForce(AddedForce):
     def variants(
         self, description: Description, place: Place, scale: Scale
     ) -> Sequence[Mapping[str, float]]:
-        """List the frequencies found in the residual, each with two phases."""
-        return tuple(
-            {FREQUENCY: frequency, PHASE: phase}
-            for frequency in scale.frequencies
-            for phase in PHASES
-        )
+        """List the frequencies found in the residual, each with several phases."""
+        return _waves(scale, PHASES)
+
+    def finer_variants(
+        self, description: Description, place: Place, scale: Scale
+    ) -> Sequence[Mapping[str, float]]:
+        """List more phases."""
+        return _waves(scale, FINER_PHASES)
 
     def force(
         self, course: Course, place: Place, inner: Mapping[str, float]
@@ -98,6 +101,14 @@ class UnmeasuredPeriodicForce(AddedForce):
     def hidden_in(self, description: Description, place: Place) -> bool:
         """Tell whether there is one already: its amplitudes and its frequency are unknown."""
         return any(one.name == self.part_name(place) for one in description.machine.forces)
+
+
+def _waves(scale: Scale, phases: Sequence[float]) -> Sequence[Mapping[str, float]]:
+    return tuple(
+        {FREQUENCY: frequency, PHASE: float(phase)}
+        for frequency in scale.frequencies
+        for phase in phases
+    )
 
 
 def _motion(description: Description, body: Body) -> Reals:

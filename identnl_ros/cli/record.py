@@ -9,7 +9,7 @@ from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome
 from identnl_ros.cli.ros import require_ros
 from identnl_ros.core.errors import DataError
 
-STAND_TOPICS = ('samples', 'stand_description', 'estimates')
+STAND_TOPICS = ('samples', 'stand_description', 'estimates', 'discrepancy')
 OWN_TOPICS = {'/diagnostics'}
 
 
@@ -26,7 +26,7 @@ OWN_TOPICS = {'/diagnostics'}
     'topics',
     multiple=True,
     help='Topic to record, relative to the namespace; may be repeated. Without it: samples, '
-    'stand_description, estimates and /diagnostics.',
+    'stand_description, estimates, discrepancy and /diagnostics.',
 )
 @reporting
 def command(out: Path, namespace: str, topics: tuple[str, ...]) -> Outcome:

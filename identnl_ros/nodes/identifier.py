@@ -3,12 +3,18 @@
 """The node that turns motion of bodies into estimates of the machine's parameters."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 import sys
 from typing import Any, ClassVar
 
-from identnl_msgs.msg import BodyMotionBlock, ParameterEstimateArray
+from identnl_msgs.msg import (
+    BodyMotionBlock,
+    DiscrepancyReport,
+    ParameterEstimateArray,
+    SampleBlock as SampleBlockMessage,
+)
 from identnl_msgs.srv import LoadIdentifierState, ResetIdentifier, SaveIdentifierState
 from identnl_ros.core.errors import DataError, IdentnlError
 from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus
@@ -17,24 +23,28 @@ from identnl_ros.core.measurement.blocks import MotionBlock, stamp_after
 from identnl_ros.core.measurement.continuity import StreamFollower
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumer_node import ConsumerNode
-from identnl_ros.nodes.conversions import motion_from_message
+from identnl_ros.nodes.conversions import block_from_message, motion_from_message
 from identnl_ros.nodes.diagnosis import Health
 from identnl_ros.nodes.estimate_conversion import estimate_to_message
+from identnl_ros.nodes.live_diagnosis import LiveDiagnosis
 from identnl_ros.nodes.parameters import Setting
 from identnl_ros.nodes.running import run
 from identnl_ros.storage.stand_description import StandDescription
 from identnl_ros.storage.state_file import load_state, save_state, state_path
 from rclpy.duration import Duration
+from std_srvs.srv import Trigger
 
 CONFIRMATION_TIME = 0.5  # [s]
+DIAGNOSIS_BEAT = 0.1  # [s]
 
 
 class IdentifierNode(ConsumerNode):
     """
-    Consumes `motion`, publishes `estimates`.
+    Consumes `motion`, publishes `estimates`; consumes `samples`, publishes `discrepancy` if asked.
 
     All streams of the same machine add to one estimate, until the service ~/reset; another
-    machine begins anew.
+    machine begins anew. What the newest samples say the machine lacks is found out in a process
+    of its own.
 
     """
 
@@ -59,6 +69,14 @@ class IdentifierNode(ConsumerNode):
             100.0,
         ),
         Setting(
+            'diagnose_every',
+            0.0,
+            'How often the newest samples are diagnosed [s], if new ones have come and no '
+            'diagnosis is running; 0: on request only (~/diagnose).',
+            0.0,
+            1e6,
+        ),
+        Setting(
             'state_directory',
             '',
             'Folder of the files of the services ~/save_state and ~/load_state; '
@@ -73,6 +91,7 @@ class IdentifierNode(ConsumerNode):
         self._machine_text = ''
         self._has_news = False
         self._stamp = self._last_index = 0
+        self._diagnosis = LiveDiagnosis()
         super().__init__('identifier', **options)
 
     @property
@@ -84,7 +103,15 @@ class IdentifierNode(ConsumerNode):
         super().configure()
         self._estimates = self.publish_on(ParameterEstimateArray, 'estimates', qos.estimates())
         self.every(1 / self.setting('publish_rate'), self._publish_news)
+        self._readings = self.subscribe(
+            SampleBlockMessage, 'samples', self._on_samples, qos_profile=qos.blocks()
+        )
+        self._reports = self.publish_on(DiscrepancyReport, 'discrepancy', qos.discrepancy())
+        self.every(DIAGNOSIS_BEAT, self._publish_report)
+        if interval := self.setting('diagnose_every'):
+            self.every(interval, self._diagnose_again)
         for service_type, name, answer in (
+            (Trigger, '~/diagnose', self._begin_diagnosis),
             (ResetIdentifier, '~/reset', self._reset),
             (SaveIdentifierState, '~/save_state', self._save),
             (LoadIdentifierState, '~/load_state', self._load),
@@ -94,6 +121,8 @@ class IdentifierNode(ConsumerNode):
 
     def clean_up(self) -> None:
         super().clean_up()
+        self._diagnosis.close()
+        self._diagnosis = LiveDiagnosis()
         self._identifier = None
         self._forget_estimates()
 
@@ -126,12 +155,14 @@ class IdentifierNode(ConsumerNode):
             self._publish()
 
     def is_connected(self) -> bool:
-        return self._sources > 0
+        return self._sources > 0 and self._readings.get_publisher_count() > 0
 
     def finish(self) -> None:
         if self.is_active:
             self._publish_news()
-            self._estimates.wait_for_all_acked(Duration(seconds=CONFIRMATION_TIME))
+            self._publish_report()
+            for publisher in (self._estimates, self._reports):
+                publisher.wait_for_all_acked(Duration(seconds=CONFIRMATION_TIME))
 
     def diagnose(self) -> list[Health]:
         health = Health('estimate', {'estimator': self.setting('estimator')})
@@ -145,7 +176,7 @@ class IdentifierNode(ConsumerNode):
             for parameter in self._last.parameters:
                 if parameter.status is not EstimateStatus.OK:
                     health.values[parameter.name] = f'{parameter.status.value}: {parameter.note}'
-        return [*super().diagnose(), health]
+        return [*super().diagnose(), health, self._diagnosis.health()]
 
     @staticmethod
     def _length(message: BodyMotionBlock) -> int:
@@ -170,10 +201,44 @@ class IdentifierNode(ConsumerNode):
             )
         )
 
+    def _on_samples(self, message: SampleBlockMessage) -> None:
+        description = self._descriptions.get(message.stream_id)
+        if not self.is_active or description is None:
+            return
+        if message.channel_count != len(description.layout.sensors):
+            return
+        with suppress(DataError):  # the transform tells it; here it is a gap
+            self._diagnosis.readings.add(block_from_message(message))
+
+    def _begin_diagnosis(self, _request: Trigger.Request) -> str:
+        if not self.is_active:
+            raise DataError('the node is not active, so it takes no samples; activate it first')
+        return self._diagnosis.begin(
+            self._descriptions, lambda description: self.model(description).machine
+        )
+
+    def _diagnose_again(self) -> None:
+        if self.is_active and self._diagnosis.has_news and not self._diagnosis.is_running:
+            with suppress(DataError):  # /diagnostics says it
+                self._begin_diagnosis(Trigger.Request())
+
+    def _publish_report(self) -> None:
+        if not self.is_active:
+            return
+        try:
+            report = self._diagnosis.finished()
+        except DataError as error:
+            self.get_logger().error(str(error))
+            return
+        if report is not None:
+            self._reports.publish(report)
+            self.get_logger().info(f'stand {report.stand}: {report.sentence}')
+
     def _reset(self, _request: ResetIdentifier.Request) -> str:
         identifier = self._ready()
         forgotten = identifier.samples
         identifier.reset()
+        self._diagnosis.readings.clear()
         self._publish()
         return f'{forgotten} samples forgotten'
 

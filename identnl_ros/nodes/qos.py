@@ -55,6 +55,20 @@ def estimates() -> QoSProfile:
     return _reliable(1, latched=True)
 
 
+def discrepancy() -> QoSProfile:
+    """
+    Profile of the reports of what the machine lacks.
+
+    Latched, because a report holds until the next, and who asked for it may be gone for a while.
+
+    Returns
+    -------
+    QoSProfile
+
+    """
+    return _reliable(1, latched=True)
+
+
 def consumed() -> QoSProfile:
     """
     Profile of the consumers' progress.

@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from identnl_msgs.msg import (
     BodyMotionBlock,
     Consumed,
+    DiscrepancyReport,
     ParameterEstimateArray,
     SampleBlock,
     StandDescription,
@@ -40,10 +41,11 @@ TYPES = {
     'motion': BodyMotionBlock,
     'stand_description': StandDescription,
     'estimates': ParameterEstimateArray,
+    'discrepancy': DiscrepancyReport,
     'consumed': Consumed,
     '/diagnostics': DiagnosticArray,
 }
-LATCHED = ('stand_description', 'estimates')
+LATCHED = ('stand_description', 'estimates', 'discrepancy')
 
 
 class Recorder(ManagedNode):
@@ -63,7 +65,7 @@ class Recorder(ManagedNode):
         ),
         Setting(
             'topics',
-            ['samples', 'stand_description', 'estimates', '/diagnostics'],
+            ['samples', 'stand_description', 'estimates', 'discrepancy', '/diagnostics'],
             'Topics to record, relative to the namespace of the node unless they begin with /. '
             'Motion is left out because it follows from the samples.',
         ),

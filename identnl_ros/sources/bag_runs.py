@@ -71,24 +71,46 @@ class BagRuns:
         if not parts:
             return
         samples = np.concatenate(parts)
-        lost = _without_force(self.stream.layout, samples)
-        edges = np.flatnonzero(np.diff(np.concatenate(([True], lost, [True])).astype(np.int8)))
-        pieces = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-        joined: list[tuple[int, int]] = []
-        for begin, end in pieces:
-            if joined and begin - joined[-1][1] <= LONGEST_GAP:
-                joined[-1] = joined[-1][0], end
-            else:
-                joined.append((begin, end))
-        used = [(begin, end) for begin, end in joined if end - begin >= SHORTEST_RUN]
-        self.left_out += len(samples) - sum(end - begin for begin, end in used)
-        for begin, end in used:
-            yield MeasuredRecord(
-                self.stream.layout,
-                self.stream.sample_rate,
-                samples[begin:end],
-                first_index + begin,
-            )
+        used = runs_with_force(self.stream.layout, self.stream.sample_rate, samples, first_index)
+        self.left_out += len(samples) - sum(len(record.samples) for record in used)
+        yield from used
+
+
+def runs_with_force(
+    layout: Layout, sample_rate: float, samples: NDArray[np.float64], first_index: int
+) -> list[MeasuredRecord]:
+    """
+    Find where the force is known for long enough.
+
+    Parameters
+    ----------
+    layout : Layout
+    sample_rate : float
+        [Hz].
+    samples : ndarray, shape (n_samples, n_channels)
+        Without interruption [SI].
+    first_index : int
+        Index of the first one in its stream.
+
+    Returns
+    -------
+    list of MeasuredRecord
+
+    """
+    lost = _without_force(layout, samples)
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], lost, [True])).astype(np.int8)))
+    pieces = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    joined: list[tuple[int, int]] = []
+    for begin, end in pieces:
+        if joined and begin - joined[-1][1] <= LONGEST_GAP:
+            joined[-1] = joined[-1][0], end
+        else:
+            joined.append((begin, end))
+    return [
+        MeasuredRecord(layout, sample_rate, samples[begin:end], first_index + begin)
+        for begin, end in joined
+        if end - begin >= SHORTEST_RUN
+    ]
 
 
 def _without_force(layout: Layout, samples: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -3,6 +3,7 @@
 """Diagnose a record, live or from a bag: start values, diagnosis, check on held-out data."""
 
 from collections.abc import Callable
+import os
 
 from identnl_ros.core.discrepancy.checked_diagnosis import CheckedDiagnosis
 from identnl_ros.core.discrepancy.description import Description
@@ -94,7 +95,9 @@ def diagnose_record(
     """
     description = Description(machine, record.layout)
     start = start_values(machine, record)
-    diagnosis = diagnose(description, start, record, seed, progress=progress)
+    diagnosis = diagnose(
+        description, start, record, seed, progress=progress, threads=len(os.sched_getaffinity(0))
+    )
     progress('simulating held-out data')
     before = held_out_error(description, diagnosis.before.model, held_out)
     after = before

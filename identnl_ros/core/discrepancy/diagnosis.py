@@ -79,6 +79,7 @@ def diagnose(
     seed: int = 0,
     effects: Sequence[Effect] = EFFECTS,
     progress: Callable[[str], None] = lambda _: None,
+    threads: int = 1,
 ) -> Diagnosis:
     """
     Diagnose a record.
@@ -96,6 +97,8 @@ def diagnose(
         That may be named.
     progress : callable
         Is told what goes on, in words.
+    threads : int
+        That share the work; the result is the same to the last bit.
 
     Returns
     -------
@@ -115,7 +118,7 @@ def diagnose(
         hypotheses = hypotheses_about(
             present.description, scale, comparison.residual_ratios(), effects
         )
-        selection = Selection(evidence, scale, hypotheses, generator)
+        selection = Selection(evidence, scale, hypotheses, generator, threads)
         null = selection.null_maxima()
         if not detectable:
             detectable = _detectable(selection, float(np.quantile(null, 0.99)))

@@ -11,7 +11,6 @@ library, whose hypotheses resemble one another (max-T test of Westfall and Young
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-import os
 
 from identnl_ros.core.discrepancy.effect import Hypothesis, Scale, SensorFault
 from identnl_ros.core.discrepancy.evidence import Evidence, real_rows, Remaining
@@ -73,6 +72,8 @@ class Selection:
     hypotheses : sequence of Hypothesis
     generator : numpy.random.Generator
         For the draws of noise.
+    threads : int
+        That share the work; the result is the same to the last bit.
 
     """
 
@@ -82,6 +83,7 @@ class Selection:
         scale: Scale,
         hypotheses: Sequence[Hypothesis],
         generator: np.random.Generator,
+        threads: int = 1,
     ) -> None:
         self.evidence = evidence
         self.scale = scale
@@ -90,7 +92,7 @@ class Selection:
         self.hypotheses = (*inner, *faults)
         self.generator = generator
         left = evidence.remaining
-        machine = _of_machine(evidence, inner, left, generator)
+        machine = _of_machine(evidence, inner, left, generator, threads)
         sensors, self._fault_products = _of_sensors(evidence, faults, left)
         self._sketch = machine.sketch
         self._products = np.concatenate((machine.products, sensors.products))
@@ -265,6 +267,7 @@ def _of_machine(
     hypotheses: Sequence[Hypothesis],
     left: Remaining,
     generator: np.random.Generator,
+    threads: int,
 ) -> _Columns:
     columns = MachineColumns(evidence, hypotheses)
     motion = evidence.channels.count
@@ -283,7 +286,7 @@ def _of_machine(
         products = np.einsum('ij,j->i', table, residual) * lengths
         return _Columns(products, shares * lengths**2, shares, _sketch(table * signs))
 
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(threads) as pool:
         parts = list(pool.map(work, columns.blocks))
     if not parts:
         none = np.zeros(0)

@@ -3,8 +3,9 @@
 """Records of shipped machines in which something is hidden, drawn at random."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
+from typing import Any
 
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Effect, Hypothesis, SensorFault
@@ -14,6 +15,7 @@ from identnl_ros.core.errors import IdentnlError
 from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.machine import ExcitationPoint
 from identnl_ros.core.simulation.excitation import Impulses, multisine, Signal, sine, Sweep
 from identnl_ros.core.simulation.stand import SimulatedStand
@@ -27,7 +29,7 @@ Reals = NDArray[np.float64]
 Key = tuple[str, str]
 
 RATE = 10e3  # [Hz]
-SETTLING, DIAGNOSED, HELD_OUT = 2000, 6144, 2048  # samples
+SETTLING, DIAGNOSED, HELD_OUT = 2000, 4096, 1536  # samples
 MACHINES = ('knee_column', 'three_body')
 # Sizes of effects of the machine: shares of the exciters' strength.
 SIZES = (0.02, 0.1)
@@ -39,6 +41,8 @@ FAULTS = {
     'delay_of_kind': (20e-6, 200e-6),
     'wrong_direction': (0.05, 0.3),
 }
+# Values of the unknowns in the machine file, over the true ones.
+MISJUDGED = (0.7, 1.3)
 OFFSET = (0.05, 0.5)  # of what the sensor reads (root mean square)
 
 
@@ -84,6 +88,40 @@ def shipped(name: str) -> Description:
     layout = load_layout(shipped_config(f'{name}_layout.yaml')).layout
     sensors = tuple(one for one in layout.sensors if one.kind is not SensorKind.VELOCITY)
     return Description(machine, replace(layout, sensors=sensors))
+
+
+def believed(description: Description, generator: np.random.Generator) -> Description:
+    """
+    Get the values of the unknowns wrong.
+
+    Parameters
+    ----------
+    description : Description
+    generator : numpy.random.Generator
+
+    Returns
+    -------
+    Description
+
+    """
+    machine = description.machine
+    parts: dict[str, Any] = {
+        kind: tuple(_misjudged(one, generator) for one in getattr(machine, kind))
+        for kind in ('bodies', 'joints', 'forces')
+    }
+    return replace(description, machine=replace(machine, **parts))
+
+
+def _misjudged(part: Any, generator: np.random.Generator) -> Any:
+    def wrong(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(wrong(one) for one in value)
+        if isinstance(value, Coefficient) and value.estimated:
+            return replace(value, value=value.value * generator.uniform(*MISJUDGED))
+        return value
+
+    changed = {one.name: wrong(getattr(part, one.name)) for one in fields(part)}
+    return replace(part, **changed)
 
 
 def signals_of(
@@ -142,10 +180,8 @@ def measured(
         declared_layout=description.layout,
     )  # fmt: skip
     samples = change(stand.read(SETTLING + DIAGNOSED + HELD_OUT).samples[SETTLING:])
-    return (
-        MeasuredRecord(description.layout, RATE, samples[:DIAGNOSED]),
-        MeasuredRecord(description.layout, RATE, samples[DIAGNOSED:]),
-    )
+    whole = MeasuredRecord(description.layout, RATE, samples, first_index=SETTLING)
+    return whole.part(0, DIAGNOSED), whole.part(DIAGNOSED, DIAGNOSED + HELD_OUT)
 
 
 def hidden_case(
@@ -192,7 +228,7 @@ def hidden_case(
         f'{dict(one.hypothesis.inner)}'
         for one in hidden
     )
-    return Case(description, *records, keys, words)
+    return Case(believed(description, generator), *records, keys, words)
 
 
 def _drawn(
@@ -211,14 +247,14 @@ def _drawn(
         return _drawn(description, signals, strength, generator)
     hypothesis: Hypothesis = places[generator.integers(len(places))]
     if isinstance(effect, SensorFault):
-        if effect.name == 'sensor_offset':
+        if effect.name in ('sensor_offset', 'sensor_drift'):
             low, high = OFFSET
             sensor = description.sensor(hypothesis.place.part)
             scale = {SensorKind.DISPLACEMENT: 1e-6, SensorKind.ACCELERATION: 1.0}[sensor.kind]
             return HiddenEffect(hypothesis, scale * _between(low, high, generator))
         low, high = FAULTS.get(effect.name, (1.0, 1.0))
         return HiddenEffect(hypothesis, _between(low, high, generator))
-    hypothesis, whole = relative_size(description, hypothesis, signals, RATE)
+    hypothesis, whole = relative_size(description, hypothesis, signals, RATE, generator)
     sign = 1 if effect.sign else generator.choice((-1, 1))
     return HiddenEffect(hypothesis, sign * whole * _between(*strength, generator))
 
@@ -269,7 +305,7 @@ def _unmeasured(
         description, machine=replace(machine, excitations=(*machine.excitations, ghost))
     )
     records = measured(description, truth, (*signals, force), seed)
-    return Case(description, *records, (), f'{what} on {body.name}')
+    return Case(believed(description, generator), *records, (), f'{what} on {body.name}')
 
 
 def _amplitude(description: Description, generator: np.random.Generator) -> float:
@@ -317,9 +353,7 @@ def _of_channel(
 ) -> Case:
     """Let something happen to one channel, by its samples and their typical size."""
     channels = [
-        i
-        for i, one in enumerate(description.layout.sensors)
-        if one.kind is not SensorKind.FORCE
+        i for i, one in enumerate(description.layout.sensors) if one.kind is not SensorKind.FORCE
     ]
     channel = channels[generator.integers(len(channels))]
 
@@ -330,7 +364,7 @@ def _of_channel(
 
     records = measured(description, description, signals, seed, changed)
     where = description.layout.sensors[channel].name
-    return Case(description, *records, (), f'{what} of {where}')
+    return Case(believed(description, generator), *records, (), f'{what} of {where}')
 
 
 def _saturation(

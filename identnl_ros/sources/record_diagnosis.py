@@ -16,7 +16,7 @@ from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.machine import Machine
 
 # Samples that are diagnosed, and that are held out to check the result.
-LONGEST = 2**14
+LONGEST = 2**13
 LONGEST_HELD_OUT = 2**12
 SHORTEST = 2**9
 # Part of a single record that is held out.

@@ -171,7 +171,8 @@ def test_features_are_what_an_effect_adds_to_the_equations_of_motion(description
     ]
     assert len(chosen) > 20
     model = assemble(description.machine)
-    course = Course(description, model, np.arange(50) / RATE, *motion, np.zeros((50, 1)))
+    time = np.arange(50) / RATE
+    course = Course(description, model, time, *motion, np.zeros((50, 1)))
     forces = Features(course, chosen).forces(range(len(chosen)), 0, 50)
     for i, one in enumerate(chosen):
         if one.effect.name == 'hysteresis':
@@ -180,7 +181,7 @@ def test_features_are_what_an_effect_adds_to_the_equations_of_motion(description
         without = assemble(one.applied(description, 0.0).machine)
         sides = [
             each.mass_diagonal() * motion[2]
-            + each.joint_force(motion[0], motion[1])
+            + each.joint_force(motion[0], motion[1], time=time)
             - each.constant_load()
             for each in (with_effect, without)
         ]

@@ -93,6 +93,8 @@ class Comparison:
         At the first sample compared; None: from the first samples.
     noise : ndarray, shape (n_motion_sensors,), or None
         Of one reading [SI]; None: read off the fastest changes.
+    earlier : Comparison or None
+        Of the same record with the same unknowns: what does not depend on values is taken from it.
 
     """
 
@@ -103,6 +105,7 @@ class Comparison:
         record: MeasuredRecord,
         state: State | None = None,
         noise: Reals | None = None,
+        earlier: 'Comparison | None' = None,
     ) -> None:
         self.description = description
         self.model = model
@@ -110,7 +113,10 @@ class Comparison:
         self._origin = record.origin
         prediction = SensorPrediction(model, record.layout, record.sample_rate)
         self.sensors = [record.layout.sensors[i] for i in prediction.channels]
-        self.prepared = prepared = prepare(model, record, prediction)
+        self.prepared: PreparedRecord = (
+            earlier.prepared if earlier else prepare(model, record, prediction)
+        )
+        prepared = self.prepared
         self.rows = [
             (order, places, sensor_matrix(model, tuple(self.sensors[i] for i in places)))
             for order, kind in enumerate(MOTION_KINDS)
@@ -121,7 +127,7 @@ class Comparison:
             prepared.initial_velocity,
             np.zeros(len(model.hidden_columns)),
         )
-        self.measured = _aligned(prepared)
+        self.measured: Reals = earlier.measured if earlier else _aligned(prepared)
         """Of the sensors of motion, without stated delays, (n_samples, n_sensors) [SI]."""
         self.valid = prepared.weights > 0
         """Which of them are readings."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Hypothesis
-from identnl_ros.core.discrepancy.inner_fit import fitted_numbers
+from identnl_ros.core.discrepancy.inner_fit import fitted_fault, fitted_numbers
 from identnl_ros.core.discrepancy.rereading import reread
 from identnl_ros.core.discrepancy.selection import Finding, SAME, Selection
 from identnl_ros.core.discrepancy.settled_model import settled, SettledModel, start_of
@@ -57,7 +57,7 @@ def chosen(
         excluded += [finding.hypothesis.key, *selection.equals_of(finding)]
         finding = _refined(finding, selection, present)
         try:
-            after = _with(present, finding, record)
+            finding, after = _with(present, finding, record)
         except MachineError:
             continue  # no machine that could have this effect, or could not be simulated
         found.append((finding, after))
@@ -86,7 +86,9 @@ def _refined(finding: Finding, selection: Selection, present: SettledModel) -> F
     )  # fmt: skip
 
 
-def _with(present: SettledModel, finding: Finding, record: MeasuredRecord) -> SettledModel:
+def _with(
+    present: SettledModel, finding: Finding, record: MeasuredRecord
+) -> tuple[Finding, SettledModel]:
     """Add an effect and fit everything anew."""
     description = finding.hypothesis.applied(present.description, finding.size)
     known = {one.name: one.value for one in present.model.parameters}
@@ -95,7 +97,11 @@ def _with(present: SettledModel, finding: Finding, record: MeasuredRecord) -> Se
     noise = present.comparison.deviation
     read = reread(record, description.layout)
     after = settled(description, model, read, noise=noise)
-    return after if after.is_noise else fitted_numbers(after, read, finding.hypothesis)
+    if description.machine is present.description.machine:
+        return fitted_fault(after, record, finding)
+    if not after.is_noise:
+        after = fitted_numbers(after, read, finding.hypothesis)
+    return finding, after
 
 
 def _carried(

@@ -9,6 +9,7 @@ the library often resembles something in it a little.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -26,11 +27,15 @@ from identnl_ros.core.discrepancy.settled_model import (
     with_noise_anew,
 )
 from identnl_ros.core.discrepancy.tones import standing_out
+from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.model import Model
 import numpy as np
 
 MOST_FINDINGS = 5
+# Mean square of what is left, over that of noise, from which other start values are tried.
+FAR_OFF = 100.0
 # Share of what noise does not explain that may be left once effects are named.
 UNEXPLAINED_SHARE = 0.02
 
@@ -107,7 +112,7 @@ def diagnose(
     """
     generator = np.random.default_rng(seed)
     progress('fitting the model as it is')
-    before = present = settled(description, model, record)
+    before = present = _first_fit(description, model, record)
     named: list[Finding] = []
     detectable: dict[str, tuple[str, float, str]] = {}
     while len(named) < MOST_FINDINGS:
@@ -129,6 +134,23 @@ def diagnose(
         present = with_noise_anew(after, reread(record, after.description.layout))
         named.append(finding)
     return _judged(before, present, named, detectable)
+
+
+def _first_fit(description: Description, model: Model, record: MeasuredRecord) -> SettledModel:
+    """Fit from the start values; from those of the description where that ends far off."""
+    described = assemble(description.machine)
+    other = described if np.isfinite(described.values).all() else None
+    try:
+        fitted = settled(description, model, record)
+    except MachineError:
+        if other is None:
+            raise
+        return settled(description, other, record)
+    if other is None or fitted.excess < FAR_OFF:
+        return fitted
+    with suppress(MachineError):
+        return min(fitted, settled(description, other, record), key=lambda one: one.cost)
+    return fitted
 
 
 def _judged(

@@ -117,16 +117,31 @@ class Features:
                 self._series[place].append((np.ones(len(course.time)), load.vector))
 
     def _change(self, hypothesis: Hypothesis, effect: ChangedMachine) -> Reals:
-        """Evaluate what a change of the machine's numbers changes, per unit."""
+        """
+        Evaluate what a change of the machine's numbers changes, per unit.
+
+        Joints that remain exert the same forces in the same physical motion, whatever the
+        coordinates: they cancel.
+        """
         course, model = self._course, self._course.model
-        motion = course.displacement, course.velocity, course.acceleration
         unit = effect.unit_size(course.description, hypothesis.place)
-        changed = assemble(hypothesis.applied(course.description, unit).machine)
-        changed = _with_values_of(changed, model, assemble(course.description.machine))
-        transfer = _transfer(model, changed)
-        moved = tuple(one @ transfer.T for one in motion)
-        other = left_hand_side(changed, moved[0], moved[1], moved[2], course.time) @ transfer
-        return (left_hand_side(model, *motion, course.time) - other) / unit
+        before = course.description.machine
+        after = hypothesis.applied(course.description, unit).machine
+        kept = {id(one) for one in before.joints} & {id(one) for one in after.joints}
+        described = assemble(before)
+        sides = []
+        for machine in (before, after):
+            joints = tuple(one for one in machine.joints if id(one) not in kept)
+            changed = assemble(replace(machine, joints=joints, forces=()))
+            changed = _with_values_of(changed, model, described)
+            transfer = _transfer(model, changed)
+            moved = [
+                one @ transfer.T
+                for one in (course.displacement, course.velocity, course.acceleration)
+            ]
+            side = left_hand_side(changed, moved[0], moved[1], moved[2], course.time)
+            sides.append(side @ transfer)
+        return (sides[0] - sides[1]) / unit
 
 
 def left_hand_side(

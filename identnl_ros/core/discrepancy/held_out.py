@@ -75,7 +75,7 @@ def held_out_error(description: Description, model: Model, record: MeasuredRecor
 
     """
     fitted = settled(description, model, record, held=True, passes=3)
-    comparison = Comparison(description, model, record, fitted.state)
+    comparison = Comparison(description, model, record, fitted.state, earlier=fitted.comparison)
     if comparison.failed:
         raise MachineError(f'machine {model.machine.name}: the simulation does not stay bounded')
     error, valid = comparison.simulated_error()

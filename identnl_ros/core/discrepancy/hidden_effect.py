@@ -92,6 +92,7 @@ def relative_size(
     hypothesis: Hypothesis,
     signals: tuple[Signal, ...],
     sample_rate: float,
+    generator: np.random.Generator | None = None,
 ) -> tuple[Hypothesis, float]:
     """
     Find the size at which an effect is as strong as the exciters, and its inner parameters.
@@ -107,6 +108,8 @@ def relative_size(
     signals : tuple of Signal
     sample_rate : float
         [Hz].
+    generator : numpy.random.Generator or None
+        Draws the inner parameters; None: ordinary ones.
 
     Returns
     -------
@@ -141,7 +144,8 @@ def relative_size(
     frequencies = (float(np.sqrt(band[0] * band[1])) * FREQUENCY,)
     effect, place = hypothesis.effect, hypothesis.place
     variants = effect.variants(description, place, Scale(deformation, rate, frequencies))
-    chosen = Hypothesis(effect, place, variants[len(variants) // 2])
+    number = len(variants) // 2 if generator is None else int(generator.integers(len(variants)))
+    chosen = Hypothesis(effect, place, variants[number])
     driven = np.column_stack([one.on_grid(0.0, interval, count) for one in signals])
     course = Course(
         description, model, np.arange(float(count)) * interval, displacement, velocity,

@@ -26,7 +26,7 @@ FALSE_ALARM_RATE = 0.01
 # A hypothesis of which less than this share is left beside the unknowns says the same as they.
 DISTINCT = 1e-5
 DRAWS = 4000
-BUCKETS = 1024
+BUCKETS = 512
 # Twice the logarithm of the ratio of likelihoods above which another hypothesis is out.
 DECISIVE = 14.0
 # A difference of gains that is no difference.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
 
-PASSES = 6
+PASSES = 12
 HALVINGS = 6
 # The last step may be this many standard errors (root mean square): convergence is quadratic, the
 # error that is left after it is far smaller.
@@ -117,11 +117,12 @@ def settled(
     fixed = noise is not None
     best: SettledModel | None = None
     base = model, state, np.zeros(0)
+    comparison: Comparison | None = None
     unseen = _unseen_parts(model, record)
     if unseen and not held:
         passes = max(passes, UNSEEN_PASSES)
     for _ in range(passes):
-        comparison = Comparison(description, model, record, state, noise)
+        comparison = Comparison(description, model, record, state, noise, comparison)
         noise = comparison.deviation
         solved = _solved(comparison, held)
         if best is not None and (solved is None or solved.left > GROWTH * best.cost):
@@ -176,7 +177,9 @@ def with_noise_anew(
     noise = settled.comparison.noise()
     if np.allclose(noise, settled.comparison.deviation, rtol=SAME_NOISE):
         return settled
-    comparison = Comparison(settled.description, settled.model, record, settled.state, noise)
+    comparison = Comparison(
+        settled.description, settled.model, record, settled.state, noise, settled.comparison
+    )
     solved = _solved(comparison, held)
     if solved is None:
         return settled

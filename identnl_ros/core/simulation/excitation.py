@@ -16,6 +16,8 @@ GRID_CHUNK = 256
 # Of the spline through a record: leaves 3e-10 of a sine at a tenth of the sample rate, where a
 # cubic one leaves 3e-4, and 1e-15 at a thirtieth.
 SPLINE_DEGREE = 9
+# Pieces of a recorded force that are kept once they were evaluated.
+MOST_KNOWN = 256
 
 
 class Signal(Protocol):
@@ -166,11 +168,25 @@ class RecordedForce:
 
     def on_grid(self, start: float, step: float, count: int) -> NDArray[np.float64]:
         """Evaluate at equally spaced instants (see `Signal`)."""
+        # Fits simulate the same stretch again and again.
+        if (start, step, count) not in self._known:
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            self._known[start, step, count] = self._evaluated(start, step, count)
+        return self._known[start, step, count]
+
+    def _evaluated(self, start: float, step: float, count: int) -> NDArray[np.float64]:
         time = start + step * np.arange(count)
         # A thousandth of a sample: instants computed in another order may round otherwise.
         place = time * self.sample_rate
         inside = (place > -1e-3) & (place < self.samples.size - 1 + 1e-3)
-        return np.where(inside, self._spline(time), 0.0)
+        force = np.where(inside, self._spline(time), 0.0)
+        force.flags.writeable = False
+        return force
+
+    @cached_property
+    def _known(self) -> dict[tuple[float, float, int], NDArray[np.float64]]:
+        return {}
 
     @cached_property
     def _spline(self) -> BSpline:

@@ -185,7 +185,7 @@ def record_of(description, actual):
     for i, (told, true) in enumerate(pairs):
         if told.kind is SensorKind.FORCE:
             quantity = FORCE.on_grid(time[0] - true.delay, 1 / RATE, COUNT)
-            samples[:, i] = told.to_si(true.to_recorded(quantity))
+            samples[:, i] = told.to_si(true.to_recorded(quantity, time), time)
     return MeasuredRecord(description.layout, RATE, samples)
 
 

@@ -266,7 +266,9 @@ class Comparison:
         to_motion, covariance = consistent_motion(residual, rows, self.deviation[places])
         deviation = residual @ to_motion.T
         deviation = np.vstack((deviation, deviation[-1:]))
-        return corrected(simulated, deviation, covariance, self.rate)
+        # Averages cannot tell faster motion from slower.
+        highest = self.rate / (2 * self.average)
+        return corrected(simulated, deviation, covariance, self.rate, highest)
 
     def force(self) -> Reals:
         """

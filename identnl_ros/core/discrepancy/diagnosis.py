@@ -34,6 +34,11 @@ from identnl_ros.core.mechanics.model import Model
 import numpy as np
 
 MOST_FINDINGS = 5
+# Share of the difference that may be left after so many findings; with more there is no hope
+# that a few more explain it all.
+HOPEFUL = (1.0, 0.9, 0.6, 0.3, 0.1)
+# A difference (mean square over that of noise, less one) that is too small to have shares.
+SMALL = 0.05
 # Mean square of what is left, over that of noise, from which other start values are tried.
 FAR_OFF = 100.0
 # Share of what noise does not explain that may be left once effects are named.
@@ -115,7 +120,7 @@ def diagnose(
     before = present = _first_fit(description, model, record)
     named: list[Finding] = []
     detectable: dict[str, tuple[str, float, str]] = {}
-    while len(named) < MOST_FINDINGS:
+    while len(named) < MOST_FINDINGS and _is_hopeful(before, present, len(named)):
         progress(f'testing the library of effects, {len(named)} named')
         comparison = present.comparison
         evidence = Evidence(comparison)
@@ -134,6 +139,11 @@ def diagnose(
         present = with_noise_anew(after, reread(record, after.description.layout))
         named.append(finding)
     return _judged(before, present, named, detectable)
+
+
+def _is_hopeful(before: SettledModel, present: SettledModel, findings: int) -> bool:
+    whole, left = before.excess - 1, present.excess - 1
+    return whole < SMALL or left <= HOPEFUL[findings] * whole
 
 
 def _first_fit(description: Description, model: Model, record: MeasuredRecord) -> SettledModel:

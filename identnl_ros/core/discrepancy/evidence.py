@@ -120,9 +120,8 @@ class Evidence:
         """Of noise of the force; None: there is none."""
         comparison = self.comparison
         return whitening(
-            comparison.model,
+            self.equations,
             comparison.description.layout,
-            comparison.motion.displacement.mean(axis=0),
             self.channels.per_motion,
             self.frequencies,
         )

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.simulation.tangent_response import LinearisedEquations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
@@ -61,21 +62,19 @@ class Whitening:
 
 
 def whitening(
-    model: Model,
+    equations: LinearisedEquations,
     layout: Layout,
-    rest: Reals,
     of_motion: Reals,
     frequencies: Reals,
 ) -> Whitening | None:
     """
-    Find the weights that make noise of force and sensors white, for the machine at rest.
+    Find the weights that make noise of force and sensors white.
 
     Parameters
     ----------
-    model : Model
+    equations : LinearisedEquations
+        Along the motion; their mean counts.
     layout : Layout
-    rest : ndarray, shape (n_coordinates,)
-        About which the machine moves.
     of_motion : ndarray, shape (3, n_channels, n_coordinates)
         Channels per unit of displacement, velocity, acceleration.
     frequencies : ndarray, shape (n_lines,)
@@ -87,44 +86,26 @@ def whitening(
         None: no noise of force is stated.
 
     """
+    model = equations.model
     noise = noise_of_force(model, layout)
     if not noise.any():
         return None
-    motion = frequency_response(model, rest, frequencies, model.excitation_directions.T * noise)
+    motion = _frequency_response(equations, frequencies, model.excitation_directions.T * noise)
     rate = 2j * np.pi * frequencies[:, np.newaxis, np.newaxis]
     response = sum((of_motion[order] @ (rate**order * motion)) for order in range(3))
     left, sizes, _ = np.linalg.svd(response, full_matrices=False)
     return Whitening(np.ascontiguousarray(left.transpose(1, 0, 2)), 1 - 1 / np.sqrt(1 + sizes**2))
 
 
-def frequency_response(
-    model: Model, rest: Reals, frequencies: Reals, forces: Reals
+def _frequency_response(
+    equations: LinearisedEquations, frequencies: Reals, forces: Reals
 ) -> NDArray[np.complex128]:
-    """
-    Respond to harmonic forces as the machine does in small motion.
-
-    Parameters
-    ----------
-    model : Model
-    rest : ndarray, shape (n_coordinates,)
-        About which it moves.
-    frequencies : ndarray, shape (n_lines,)
-        [Hz].
-    forces : ndarray, shape (n_coordinates, n_forces)
-        [N, N m].
-
-    Returns
-    -------
-    ndarray, shape (n_lines, n_coordinates, n_forces)
-        Displacement [m, rad].
-
-    """
+    """Respond to harmonic forces; displacement, (n_lines, n_coordinates, n_forces)."""
+    model, slopes = equations.model, equations.slopes
     rate = 2j * np.pi * frequencies[:, np.newaxis, np.newaxis]
-    dynamic = (
-        np.diag(model.mass_diagonal()) * rate**2
-        + model.damping_matrix() * rate
-        + model.tangent_stiffness(rest)
-    )
+    damping = slopes.damping + (slopes.rate_lines.T * slopes.rate.mean(axis=0)) @ slopes.rate_lines
+    stiffness = (model.lines.T * slopes.stiffness.mean(axis=0)) @ model.lines
+    dynamic = np.diag(model.mass_diagonal()) * rate**2 + damping * rate + stiffness
     return np.asarray(np.linalg.solve(dynamic, forces[None].astype(np.complex128)))
 
 

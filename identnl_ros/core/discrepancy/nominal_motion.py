@@ -42,7 +42,11 @@ class NominalMotion:
 
 
 def corrected(
-    simulated: NominalMotion, deviation: Reals, covariance: Reals, sample_rate: float
+    simulated: NominalMotion,
+    deviation: Reals,
+    covariance: Reals,
+    sample_rate: float,
+    highest: float,
 ) -> NominalMotion:
     """
     Add to a simulated motion what is significant of the measured deviation from it.
@@ -56,6 +60,8 @@ def corrected(
         Of its noise; singular in directions without noise or not seen.
     sample_rate : float
         [Hz].
+    highest : float
+        Frequency beyond which there is nothing but noise [Hz].
 
     Returns
     -------
@@ -71,10 +77,12 @@ def corrected(
     window = _fading(count)[:, np.newaxis]
     lines = fft.rfft(white * window, axis=0)
     power = np.abs(lines) ** 2 / float((window**2).sum())
+    frequencies = fft.rfftfreq(count, 1 / sample_rate)
     lines[power < STANDING_OUT] = 0.0
+    lines[frequencies > highest] = 0.0
     if not lines.any():
         return simulated
-    rate = 2j * np.pi * fft.rfftfreq(count, 1 / sample_rate)[:, np.newaxis]
+    rate = 2j * np.pi * frequencies[:, np.newaxis]
     parts = [fft.irfft(lines * rate**order, count, axis=0) @ from_white.T for order in range(3)]
     return NominalMotion(
         simulated.displacement + parts[0],

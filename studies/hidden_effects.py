@@ -13,8 +13,10 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 import json
+from multiprocessing import Value
 import os
 import time
+from typing import Any
 
 os.environ.setdefault('OMP_NUM_THREADS', '1')
 
@@ -306,7 +308,11 @@ def command(
     results: list[Result] = []
     console = Console(stderr=True)
     kept = RESULTS / f'{out}.jsonl'
-    with ProcessPoolExecutor(processes, initializer=_alone) as pool, kept.open('w') as file:
+    count = Value('i', 0)
+    with (
+        ProcessPoolExecutor(processes, initializer=_alone, initargs=(count,)) as pool,
+        kept.open('w') as file,
+    ):
         for one in track(pool.map(run, tasks), total=len(tasks), console=console, transient=True):
             results.append(one)
             file.write(json.dumps({**asdict(one), 'outcome': one.outcome}) + '\n')
@@ -333,10 +339,13 @@ def write(results: Sequence[Result], out: str) -> None:
     (RESULTS / f'{out}.md').write_text('# Hidden effects\n\n' + '\n\n'.join(text) + '\n')
 
 
-def _alone() -> None:
+def _alone(count: Any) -> None:
     """Keep a process to one processor: so many records are diagnosed at a time."""
+    with count.get_lock():
+        number = count.value
+        count.value += 1
     processors = sorted(os.sched_getaffinity(0))
-    os.sched_setaffinity(0, {processors[os.getpid() % len(processors)]})
+    os.sched_setaffinity(0, {processors[number % len(processors)]})
 
 
 if __name__ == '__main__':

@@ -4,12 +4,18 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.discrepancy.changed_number import numbers_to_fit
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Hypothesis
-from identnl_ros.core.discrepancy.inner_fit import fitted_fault, fitted_numbers
+from identnl_ros.core.discrepancy.fault_fit import fitted_fault
 from identnl_ros.core.discrepancy.rereading import reread
 from identnl_ros.core.discrepancy.selection import Finding, SAME, Selection
-from identnl_ros.core.discrepancy.settled_model import settled, SettledModel, start_of
+from identnl_ros.core.discrepancy.settled_model import (
+    Liberties,
+    settled,
+    SettledModel,
+    start_of,
+)
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
@@ -20,6 +26,8 @@ from numpy.typing import NDArray
 # they need.
 CONTENDERS = 3
 CLOSE = 0.9
+# By which one more number to fit must lower the sum of squares.
+PER_NUMBER = 8.0
 
 
 def chosen(
@@ -65,8 +73,14 @@ def chosen(
         if after.is_noise and len(found) == 1 and not others:
             break
     improved = [one for one in found if one[1].cost < present.cost]
-    least = min((one[1].cost for one in improved), default=0.0)
-    return next((one for one in improved if one[1].cost < least + SAME), None)
+    least = min((_price(after) for _, after in improved), default=0.0)
+    return next((one for one in improved if _price(one[1]) < least + SAME), None)
+
+
+def _price(after: SettledModel) -> float:
+    """Of models that leave the same, the one with fewer numbers is the better one."""
+    numbers = len(after.deviations) + len(after.number_deviations)
+    return after.cost + PER_NUMBER * numbers
 
 
 def _refined(finding: Finding, selection: Selection, present: SettledModel) -> Finding:
@@ -90,17 +104,20 @@ def _with(
     present: SettledModel, finding: Finding, record: MeasuredRecord
 ) -> tuple[Finding, SettledModel]:
     """Add an effect and fit everything anew."""
-    description = finding.hypothesis.applied(present.description, finding.size)
+    hypothesis = finding.hypothesis
+    description = hypothesis.applied(present.description, finding.size)
     known = {one.name: one.value for one in present.model.parameters}
     model = start_of(description, _carried(known, description, present.description))
+    either_sign, numbers = present.liberties.either_sign, present.liberties.numbers
+    if hypothesis.effect.sign == 0:
+        either_sign |= {hypothesis.effect.part_name(hypothesis.place)}
+    liberties = Liberties(either_sign, (*numbers, *numbers_to_fit(hypothesis, description)))
     # All contenders are judged by the same noise.
     noise = present.comparison.deviation
     read = reread(record, description.layout)
-    after = settled(description, model, read, noise=noise)
+    after = settled(description, model, read, noise=noise, liberties=liberties)
     if description.machine is present.description.machine:
         return fitted_fault(after, record, finding)
-    if not after.is_noise:
-        after = fitted_numbers(after, read, finding.hypothesis)
     return finding, after
 
 

@@ -150,6 +150,8 @@ def _first_fit(description: Description, model: Model, record: MeasuredRecord) -
     """Fit from the start values; from those of the description where that ends far off."""
     described = assemble(description.machine)
     other = described if np.isfinite(described.values).all() else None
+    if other is not None:
+        model = model.with_values(np.where(model.values > 0, model.values, other.values))
     try:
         fitted = settled(description, model, record)
     except MachineError:

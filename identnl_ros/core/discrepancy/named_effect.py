@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass
 
+from identnl_ros.core.discrepancy.changed_number import ChangedNumber, number_of
 from identnl_ros.core.discrepancy.effect import Hypothesis
 from identnl_ros.core.discrepancy.selection import Finding
 from identnl_ros.core.discrepancy.settled_model import SettledModel
@@ -105,7 +106,12 @@ def _inner(hypothesis: Hypothesis, after: SettledModel) -> tuple[InnerValue, ...
     prefix = effect.part_name(place)
     fitted = _fitted(after)
     values = {one.name: one.value for one in after.model.parameters}
-    numbers = effect.fitted_inner(place, hypothesis.inner, values)
+    numbers = dict(effect.fitted_inner(place, hypothesis.inner, values))
+    for change, deviation in zip(after.liberties.numbers, after.number_deviations, strict=True):
+        if change.place.part == prefix and isinstance(change.effect, ChangedNumber):
+            key = change.effect.key
+            numbers[key] = number_of(change, after.description)
+            fitted[f'{prefix}.{key}'] = numbers[key], float(deviation)
     return tuple(
         InnerValue(
             name,

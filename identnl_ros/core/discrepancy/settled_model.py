@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A model brought as close to a record as it can come: Gauss-Newton about a nominal motion."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from identnl_ros.core.discrepancy.changed_number import changed
 from identnl_ros.core.discrepancy.comparison import Comparison, State
 from identnl_ros.core.discrepancy.description import Description
+from identnl_ros.core.discrepancy.effect import Hypothesis
 from identnl_ros.core.discrepancy.evidence import Evidence, real_rows
+from identnl_ros.core.discrepancy.machine_columns import MachineColumns
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
@@ -25,13 +28,31 @@ SMALL_STEP = 0.3
 SAME_NOISE = 0.01
 # Directions of the unknowns that the data see less than this, relatively, are left alone.
 UNSEEN = 1e-9
-# Factor by which numbers of parts that no sensor sees may change in a step, and steps then.
+# Factor by which a positive number may change in a step, and steps where some are not seen.
 LARGEST_CHANGE = 3.0
 UNSEEN_PASSES = 14
 # Times that what is left may grow in a step, beyond which the step is too long.
 GROWTH = 1.5
 # Beyond this, responses to a step cannot be told from growth without bound.
 LARGEST = 1e30
+
+
+@dataclass(frozen=True)
+class Liberties:
+    """
+    What a fit may change beyond the values of the machine's unknowns, which stay positive.
+
+    Parameters
+    ----------
+    either_sign : frozenset of str
+        Parts whose coefficients may be negative.
+    numbers : tuple of Hypothesis
+        Changes of numbers inside elements, see `numbers_to_fit`.
+
+    """
+
+    either_sign: frozenset[str] = frozenset()
+    numbers: tuple[Hypothesis, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -54,6 +75,9 @@ class SettledModel:
         Degrees of freedom of that.
     state : State
         At the first sample compared.
+    liberties : Liberties
+    number_deviations : ndarray
+        Standard deviations of the numbers inside elements that were fitted.
 
     """
 
@@ -64,6 +88,8 @@ class SettledModel:
     excess: float
     freedom: int
     state: State
+    liberties: Liberties
+    number_deviations: Reals
 
     @property
     def cost(self) -> float:
@@ -90,6 +116,7 @@ def settled(
     held: bool = False,
     passes: int = PASSES,
     noise: Reals | None = None,
+    liberties: Liberties = Liberties(),
 ) -> SettledModel:
     """
     Improve the unknowns and the initial state until they fit the record.
@@ -108,52 +135,79 @@ def settled(
         At most.
     noise : ndarray, shape (n_motion_sensors,), or None
         Of one reading [SI]; None: read off the data, anew for the result.
+    liberties : Liberties
 
     Returns
     -------
     SettledModel
 
+    Raises
+    ------
+    MachineError
+        If the motion grows without bound with the values to start from.
+
     """
     fixed = noise is not None
     best: SettledModel | None = None
-    base = model, state, np.zeros(0)
-    comparison: Comparison | None = None
     unseen = _unseen_parts(model, record)
     if unseen and not held:
         passes = max(passes, UNSEEN_PASSES)
+    point = _Point(description, model, state)
+    base, step = point, np.zeros(0)
+    comparison: Comparison | None = None
     for _ in range(passes):
-        comparison = Comparison(description, model, record, state, noise, comparison)
+        comparison = Comparison(
+            point.description, point.model, record, point.state, noise, comparison
+        )
         noise = comparison.deviation
-        solved = _solved(comparison, held)
+        solved = _solved(comparison, held, liberties)
         if best is not None and (solved is None or solved.left > GROWTH * best.cost):
             # Too far: the linearisation does not hold.
-            origin, base_state, step = base
-            base = origin, base_state, step / 2
-            model, state = _after(origin, base_state, step / 2, held, unseen)
+            step = step / 2
+            point = _after(base, step, held, liberties)
             continue
         if solved is None:
             raise MachineError(
                 f'machine {model.machine.name}: its motion grows without bound with the values to '
                 'start from; give other start values'
             )
-        freedom = solved.rows - len(solved.step)
         motion = comparison.motion
-        earlier = comparison.state
-        begin = State(motion.displacement[0], motion.velocity[0], earlier.hidden)
-        base = model, begin, solved.step
-        model, state = _after(*base, held, unseen)
-        assert state is not None
-        moved = state.flat - earlier.flat
-        change = np.concatenate((solved.step[: -len(moved)], moved)) / solved.spread
+        begin = State(motion.displacement[0], motion.velocity[0], comparison.state.hidden)
+        base, step = replace(point, state=begin), solved.step
+        point = _after(base, step, held, liberties)
+        assert point.state is not None
+        change = solved.step.copy()
+        unknowns = len(model.estimated)
+        flat = point.state.flat
+        change[unknowns : unknowns + len(flat)] = flat - comparison.state.flat
         if best is None or solved.left < best.cost:
-            best = SettledModel(
-                description, model, comparison, solved.deviations, solved.left / freedom, freedom,
-                state,
-            )  # fmt: skip
-        if np.sqrt(np.mean(change**2)) < SMALL_STEP:
+            best = _settled_at(point, comparison, solved, liberties)
+        if np.sqrt(np.mean((change / solved.spread) ** 2)) < SMALL_STEP:
             break
     assert best is not None
     return best if fixed else with_noise_anew(best, record, held)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Where the search is."""
+
+    description: Description
+    model: Model
+    state: State | None
+
+
+def _settled_at(
+    point: _Point, comparison: Comparison, solved: '_Solved', liberties: Liberties
+) -> SettledModel:
+    freedom = solved.rows - len(solved.step)
+    numbers = len(liberties.numbers)
+    assert point.state is not None
+    return SettledModel(
+        point.description, point.model, comparison,
+        solved.spread[: len(point.model.estimated)], solved.left / freedom, freedom,
+        point.state, liberties, solved.spread[len(solved.spread) - numbers :],
+    )  # fmt: skip
 
 
 def with_noise_anew(
@@ -180,35 +234,39 @@ def with_noise_anew(
     comparison = Comparison(
         settled.description, settled.model, record, settled.state, noise, settled.comparison
     )
-    solved = _solved(comparison, held)
+    solved = _solved(comparison, held, settled.liberties)
     if solved is None:
         return settled
-    freedom = solved.rows - len(solved.step)
-    return SettledModel(
-        settled.description, settled.model, comparison, solved.deviations, solved.left / freedom,
-        freedom, settled.state,
-    )  # fmt: skip
+    point = _Point(settled.description, settled.model, settled.state)
+    return _settled_at(point, comparison, solved, settled.liberties)
 
 
 @dataclass(frozen=True)
 class _Solved:
-    """One linear regression: its step, and what that leaves."""
+    """One linear regression: its step, with standard deviations, and what that leaves."""
 
     step: Reals
-    deviations: Reals
+    spread: Reals
     left: float
     rows: int
-    spread: Reals
 
 
-def _solved(comparison: Comparison, held: bool) -> _Solved | None:
-    """Solve the regression; None where the linearised motion grows without bound."""
+def _solved(comparison: Comparison, held: bool, liberties: Liberties) -> _Solved | None:
+    """
+    Solve the regression by the unknowns, the initial state and numbers inside elements.
+
+    None where the linearised motion grows without bound.
+    """
     if comparison.failed:
         return None
     with np.errstate(over='ignore', invalid='ignore'):
         evidence = Evidence(comparison)
     unknowns = len(comparison.model.estimated)
     table = real_rows(evidence.base[unknowns:] if held else evidence.base)
+    if liberties.numbers and not held:
+        columns = MachineColumns(evidence, liberties.numbers)
+        numbers = columns.of(range(len(liberties.numbers)))
+        table = np.concatenate((table, numbers.astype(np.float64)))
     motion = evidence.channels.count
     residual = real_rows(evidence.residual[None, :motion])[0]
     largest = max(np.abs(table).max(initial=0.0), np.abs(residual).max())
@@ -218,23 +276,26 @@ def _solved(comparison: Comparison, held: bool) -> _Solved | None:
     # Not the difference of two squares, of which little may be left.
     left = float(np.sum(np.abs(evidence.residual[motion:]) ** 2)) + unexplained
     if held:
-        own = np.zeros(unknowns)
-        step, deviations = np.concatenate((own, step)), np.concatenate((own + np.inf, deviations))
-    return _Solved(step, deviations[:unknowns], left, evidence.rows, deviations)
+        own, more = np.zeros(unknowns), np.zeros(len(liberties.numbers))
+        step = np.concatenate((own, step, more))
+        deviations = np.concatenate((own + np.inf, deviations, more + np.inf))
+    return _Solved(step, deviations, left, evidence.rows)
 
 
-def _after(
-    model: Model,
-    state: State | None,
-    step: Reals,
-    held: bool,
-    unseen: frozenset[str],
-) -> tuple[Model, State | None]:
-    if state is None:
-        return model, None
-    unknowns = len(model.estimated)
-    moved = model if held else _moved(model, step[:unknowns].copy(), unseen)
-    return moved, state.moved(step[unknowns:])
+def _after(base: _Point, step: Reals, held: bool, liberties: Liberties) -> _Point:
+    """Go a step."""
+    model, description, state = base.model, base.description, base.state
+    assert state is not None
+    unknowns, rest = len(model.estimated), len(step) - len(liberties.numbers)
+    state = state.moved(step[unknowns:rest])
+    if held:
+        return replace(base, state=state)
+    moved = _moved(model, step[:unknowns].copy(), liberties.either_sign)
+    if liberties.numbers:
+        for change, one in zip(liberties.numbers, step[rest:], strict=True):
+            description = changed(change, description, one)
+        moved = start_of(description, {one.name: one.value for one in moved.parameters})
+    return _Point(description, moved, state)
 
 
 def _unseen_parts(model: Model, record: MeasuredRecord) -> frozenset[str]:
@@ -288,12 +349,13 @@ def _step(base: Reals, residual: Reals) -> tuple[Reals, Reals, float]:
     return inverse @ part / lengths, deviations, float(rest @ rest)
 
 
-def _moved(model: Model, step: Reals, unseen: frozenset[str]) -> Model:
+def _moved(model: Model, step: Reals, either_sign: frozenset[str]) -> Model:
     """Go as much of a step as the machine allows."""
     values = model.values[list(model.estimated)]
     for i, index in enumerate(model.estimated):
-        # Motion that no sensor sees can go astray unnoticed.
-        if model.parameters[index].name.split('.')[0] in unseen and values[i] > 0:
+        # What an incomplete model makes of its unknowns, and motion that no sensor sees, can go
+        # astray.
+        if model.parameters[index].name.split('.')[0] not in either_sign and values[i] > 0:
             low, high = values[i] / LARGEST_CHANGE, values[i] * LARGEST_CHANGE
             step[i] = np.clip(values[i] + step[i], low, high) - values[i]
     for _ in range(HALVINGS):

@@ -10,9 +10,8 @@ far off from the values of the machine file, which are up to 30 % wrong.
 
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
-import json
+from concurrent.futures import as_completed, ProcessPoolExecutor
+from dataclasses import dataclass
 from multiprocessing import Value
 import os
 import time
@@ -41,6 +40,21 @@ from rich.progress import track
 GROUPS = ('one', 'null', 'outside', 'strong', 'two', 'three')
 EXCITATIONS = ('multisine', 'sine')
 FLOOR = 1.2
+# Records of every cell: of the knee and column, of the machine of three bodies.
+PLAN = {
+    ('one', 'multisine'): (200, 100),
+    ('null', 'multisine'): (200, 100),
+    ('outside', 'multisine'): (70, 30),
+    ('strong', 'multisine'): (40, 20),
+    ('two', 'multisine'): (30, 20),
+    ('three', 'multisine'): (30, 20),
+    ('one', 'sine'): (40, 20),
+    ('null', 'sine'): (40, 20),
+    ('outside', 'sine'): (10, 5),
+    ('strong', 'sine'): (10, 5),
+    ('two', 'sine'): (10, 5),
+    ('three', 'sine'): (10, 5),
+}
 
 
 @dataclass(frozen=True)
@@ -279,45 +293,58 @@ def misses(results: Sequence[Result]) -> str:
     return '\n'.join(lines)
 
 
+def tasks_of(groups: Sequence[str], excitations: Sequence[str], share: float) -> list[Task]:
+    """
+    List the records to diagnose: the cells of the plan, evenly mixed.
+
+    Parameters
+    ----------
+    groups, excitations : sequence of str
+    share : float
+        Of the records of the plan.
+
+    Returns
+    -------
+    list of Task
+
+    """
+    found = []
+    for (group, excitation), counts in PLAN.items():
+        if group not in groups or excitation not in excitations:
+            continue
+        for machine, count in zip(MACHINES, counts, strict=True):
+            runs = max(1, round(share * count))
+            for number in range(runs):
+                place = EXCITATIONS.index(excitation) + (number + 0.5) / runs
+                found.append((place, Task(group, machine, excitation, SEED + number)))
+    return [task for _, task in sorted(found, key=lambda one: one[0])]
+
+
 @click.command()
 @click.option('--group', 'groups', multiple=True, type=click.Choice(GROUPS), default=GROUPS)
-@click.option('--excitation', 'excitations', multiple=True, type=click.Choice(EXCITATIONS),
-              default=EXCITATIONS)  # fmt: skip
-@click.option('--machine', 'machines', multiple=True, type=click.Choice(MACHINES),
-              default=MACHINES)  # fmt: skip
-@click.option('--runs', type=click.IntRange(min=1), default=150, show_default=True,
-              help='Records of every cell.')  # fmt: skip
+@click.option(
+    '--excitation', 'excitations', multiple=True, type=click.Choice(EXCITATIONS),
+    default=EXCITATIONS,
+)  # fmt: skip
+@click.option(
+    '--share', type=click.FloatRange(0.0, 10.0, min_open=True), default=1.0, show_default=True,
+    help='Of the records of the plan.',
+)  # fmt: skip
 @click.option('--processes', type=click.IntRange(min=1), default=2, show_default=True)
 @click.option('--out', default='hidden_effects', show_default=True, help='Name of the results.')
 def command(
-    groups: Sequence[str],
-    excitations: Sequence[str],
-    machines: Sequence[str],
-    runs: int,
-    processes: int,
-    out: str,
+    groups: Sequence[str], excitations: Sequence[str], share: float, processes: int, out: str
 ) -> None:
     """Hide effects at random, diagnose, count."""
-    tasks = [
-        Task(group, machine, excitation, SEED + number)
-        for number in range(runs)
-        for group in groups
-        for excitation in excitations
-        for machine in machines
-    ]
+    tasks = tasks_of(groups, excitations, share)
     results: list[Result] = []
     console = Console(stderr=True)
-    kept = RESULTS / f'{out}.jsonl'
     count = Value('i', 0)
-    with (
-        ProcessPoolExecutor(processes, initializer=_alone, initargs=(count,)) as pool,
-        kept.open('w') as file,
-    ):
-        for one in track(pool.map(run, tasks), total=len(tasks), console=console, transient=True):
-            results.append(one)
-            file.write(json.dumps({**asdict(one), 'outcome': one.outcome}) + '\n')
-            file.flush()
-    write(results, out)
+    with ProcessPoolExecutor(processes, initializer=_alone, initargs=(count,)) as pool:
+        futures = [pool.submit(run, task) for task in tasks]
+        for one in track(as_completed(futures), total=len(tasks), console=console, transient=True):
+            results.append(one.result())
+            write(results, out)
     console.print(table(results))
 
 

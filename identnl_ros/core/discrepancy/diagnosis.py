@@ -41,8 +41,10 @@ HOPEFUL = (1.0, 0.9, 0.6, 0.3, 0.1)
 SMALL = 0.05
 # Mean square of what is left, over that of noise, from which other start values are tried.
 FAR_OFF = 100.0
-# Share of what noise does not explain that may be left once effects are named.
+# Share of what noise does not explain that may be left once effects are named, and the mean square
+# of what is left over that of noise: names that leave more than that to explain are guesses.
 UNEXPLAINED_SHARE = 0.02
+UNEXPLAINED_EXCESS = 2.0
 
 
 class Verdict(Enum):
@@ -174,7 +176,7 @@ def _judged(
     left = max(after.excess - 1, 0.0) / max(before.excess - 1, 1e-12)
     if after.is_noise:
         verdict = Verdict.EXPLAINED if named else Verdict.COMPLETE
-    elif named and left < UNEXPLAINED_SHARE:
+    elif named and left < UNEXPLAINED_SHARE and after.excess < UNEXPLAINED_EXCESS:
         verdict = Verdict.PARTLY_EXPLAINED
     else:
         verdict = Verdict.UNEXPLAINED

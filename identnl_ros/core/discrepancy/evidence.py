@@ -180,7 +180,7 @@ class Evidence:
             part = slice(first, min(first + size, count) + 1)
             piece = motion.displacement[part], motion.velocity[part], motion.acceleration[part]
             time = comparison.time[part]
-            defect = force[part] - left_hand_side(model, *piece, time)
+            defect = force[part] - left_hand_side(model, *piece, time, hidden[part])
             forcing = np.concatenate(
                 (defect[:, :, np.newaxis], unknowns.forcing(*piece, hidden[part], time)), axis=2
             )

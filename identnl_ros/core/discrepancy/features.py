@@ -145,7 +145,12 @@ class Features:
 
 
 def left_hand_side(
-    model: Model, displacement: Reals, velocity: Reals, acceleration: Reals, time: Reals
+    model: Model,
+    displacement: Reals,
+    velocity: Reals,
+    acceleration: Reals,
+    time: Reals,
+    hidden: Reals | None = None,
 ) -> Reals:
     """
     Evaluate inertia and joint forces minus loads, (1) of Berczynski et al. (2010).
@@ -156,6 +161,8 @@ def left_hand_side(
     displacement, velocity, acceleration : ndarray, shape (n_samples, n_coordinates)
     time : ndarray, shape (n_samples,)
         Since the begin of the stream [s].
+    hidden : ndarray, shape (n_samples, n_hidden), or None
+        Hysteretic states; None: they follow the motion, from zero at its first sample.
 
     Returns
     -------
@@ -164,7 +171,7 @@ def left_hand_side(
 
     """
     inertia = model.mass_diagonal() * acceleration
-    force = model.joint_force(displacement, velocity, time=time)
+    force = model.joint_force(displacement, velocity, hidden, time)
     return np.asarray(inertia + force - model.constant_load() - model.periodic_load(time))
 
 

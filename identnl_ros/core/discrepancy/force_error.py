@@ -9,6 +9,7 @@ from identnl_ros.core.discrepancy.features import left_hand_side
 from identnl_ros.core.discrepancy.force_noise import noise_of_force
 from identnl_ros.core.discrepancy.measured_motion import MeasuredMotion
 from identnl_ros.core.discrepancy.nominal_motion import NominalMotion
+from identnl_ros.core.mechanics.hidden_states import hidden_motion
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,9 +103,11 @@ def force_error(comparison: Comparison, seed: int = 0) -> ForceError:
     count = len(comparison.measured)
 
     def needed(motion: NominalMotion) -> Reals:
+        displacement, velocity = motion.displacement[:count], motion.velocity[:count]
+        hidden = hidden_motion(model, displacement, velocity, comparison.state.hidden)
         return left_hand_side(
-            model, motion.displacement[:count], motion.velocity[:count],
-            motion.acceleration[:count], comparison.time[:count],
+            model, displacement, velocity, motion.acceleration[:count], comparison.time[:count],
+            hidden,
         )  # fmt: skip
 
     # The simulation solves the equations of motion: what they need along it is the exciters'.

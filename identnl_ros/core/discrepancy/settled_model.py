@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 Reals = NDArray[np.float64]
 
 PASSES = 12
+# Steps in a row that make nothing better, after which there is no hope.
+PATIENCE = 3
 HALVINGS = 6
 # The last step may be this many standard errors (root mean square): convergence is quadratic, the
 # error that is left after it is far smaller.
@@ -153,7 +155,7 @@ def settled(
     if unseen and not held:
         passes = max(passes, UNSEEN_PASSES)
     point = _Point(description, model, state)
-    base, step = point, np.zeros(0)
+    base, step, lost = point, np.zeros(0), 0
     comparison: Comparison | None = None
     for _ in range(passes):
         comparison = Comparison(
@@ -163,7 +165,9 @@ def settled(
         solved = _solved(comparison, held, liberties)
         if best is not None and (solved is None or solved.left > GROWTH * best.cost):
             # Too far: the linearisation does not hold.
-            step = step / 2
+            step, lost = step / 2, lost + 1
+            if lost == PATIENCE:
+                break
             point = _after(base, step, held, liberties)
             continue
         if solved is None:
@@ -182,7 +186,8 @@ def settled(
         change[unknowns : unknowns + len(flat)] = flat - comparison.state.flat
         if best is None or solved.left < best.cost:
             best = _settled_at(point, comparison, solved, liberties)
-        if np.sqrt(np.mean((change / solved.spread) ** 2)) < SMALL_STEP:
+        lost = 0 if best.comparison is comparison else lost + 1
+        if np.sqrt(np.mean((change / solved.spread) ** 2)) < SMALL_STEP or lost == PATIENCE:
             break
     assert best is not None
     return best if fixed else with_noise_anew(best, record, held)

@@ -7,7 +7,6 @@ from dataclasses import replace
 from identnl_ros.core.discrepancy.changed_number import numbers_to_fit
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Hypothesis
-from identnl_ros.core.discrepancy.fault_fit import fitted_fault
 from identnl_ros.core.discrepancy.rereading import reread
 from identnl_ros.core.discrepancy.selection import Finding, SAME, Selection
 from identnl_ros.core.discrepancy.settled_model import (
@@ -16,6 +15,7 @@ from identnl_ros.core.discrepancy.settled_model import (
     SettledModel,
     start_of,
 )
+from identnl_ros.core.discrepancy.size_fit import fitted_size
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
@@ -116,8 +116,8 @@ def _with(
     noise = present.comparison.deviation
     read = reread(record, description.layout)
     after = settled(description, model, read, noise=noise, liberties=liberties)
-    if description.machine is present.description.machine:
-        return fitted_fault(after, record, finding)
+    if len(model.estimated) == len(present.model.estimated):
+        return fitted_size(after, record, finding)
     return finding, after
 
 

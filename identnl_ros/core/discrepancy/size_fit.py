@@ -1,7 +1,7 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
 """
-The size of a fault of a sensor or a force cell, which is no unknown of the machine.
+The size of an effect that is no unknown of the machine: of faults of sensors, of inertia.
 
 A step of it and steps of everything else take turns.
 """
@@ -21,16 +21,16 @@ STEPS = 4
 SMALL_STEP = 0.3
 
 
-def fitted_fault(
+def fitted_size(
     start: SettledModel, record: MeasuredRecord, finding: Finding
 ) -> tuple[Finding, SettledModel]:
     """
-    Fit the size of a fault, of a sensor or of a force cell.
+    Fit the size of an effect that changes numbers which the machine takes as known.
 
     Parameters
     ----------
     start : SettledModel
-        With the fault taken into account.
+        With the effect.
     record : MeasuredRecord
         As it was read before.
     finding : Finding

@@ -34,6 +34,11 @@ def inner():
     return loaded('inner')
 
 
+@pytest.fixture(scope='module')
+def hidden_effects():
+    return loaded('hidden_effects')
+
+
 @pytest.mark.parametrize('excitation', ['multisine', 'sine'])
 def test_weak_estimates_reach_the_bound_and_know_their_errors(noise, excitation):
     runs = 6
@@ -97,3 +102,19 @@ def test_preload_of_slideways_is_told_better_by_larger_forces(inner):
     weak, strong = (inner.cramer_rao(*inner.case('both', force), 0.1) for force in (200, 1000))
     model = inner.case('both', 200)[0]
     assert np.all(weak[inner.inner(model)] > 3 * strong[inner.inner(model)])
+
+
+def test_hidden_effects_are_named_and_nothing_else_is(hidden_effects):
+    tasks = [
+        hidden_effects.Task(group, 'knee_column', 'multisine', hidden_effects.SEED + number)
+        for group in ('one', 'null', 'outside')
+        for number in range(2)
+    ]
+    results = [hidden_effects.run(task) for task in tasks]
+    outcomes = [one.outcome for one in results]
+    assert outcomes[:2] in (['named', 'named'], ['named', 'class'], ['class', 'named'])
+    # Two records at a false-alarm rate of 1 %: an alarm has a probability of 2 %.
+    assert outcomes[2:] == ['nothing', 'nothing', 'unexplained', 'unexplained']
+    assert all(one.reaches_floor for one in results[:4])
+    text = hidden_effects.table(results)
+    assert text.count('\n') == 4

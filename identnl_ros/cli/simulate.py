@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from identnl_ros.core.discrepancy.description import Description
     from identnl_ros.core.measurement.layout import Layout
     from identnl_ros.core.mechanics.machine import Machine
+    from identnl_ros.core.simulation.excitation import Signal
     from identnl_ros.sources.simulated import TestRun
 
 
@@ -146,11 +147,11 @@ def command(
         period,
         _recorded_force(force_file, excitation),
     )
-    actual, told = _with_hidden(machine_file.machine, sensors.layout, run, hidden)
+    actual, signals, told = _with_hidden(machine_file.machine, sensors.layout, run, hidden)
     with BagWriter(out) as bag:
         source = SimulatedSource(
             machine_file.machine, sensors.layout, run, machine_file.text, sensors.text,
-            actual=actual,
+            actual=actual, hidden_signals=signals,
         )  # fmt: skip
         bag.write_description(source.description)
         with progress('simulating', run.samples) as advance:
@@ -187,22 +188,28 @@ def command(
 
 def _with_hidden(
     machine: 'Machine', layout: 'Layout', run: 'TestRun', texts: tuple[str, ...]
-) -> tuple['Description | None', list[dict[str, object]]]:
+) -> tuple['Description | None', tuple['Signal', ...], list[dict[str, object]]]:
     """Describe the stand with everything that is to be hidden, and tell what that is."""
     if not texts:
-        return None, []
+        return None, (), []
     from identnl_ros.core.discrepancy.description import Description
-    from identnl_ros.sources.hiding import hidden_effect
+    from identnl_ros.sources.hidden_force import HiddenForce
+    from identnl_ros.sources.hiding import hidden
     from identnl_ros.sources.simulated import excitation_signals
 
     description = Description(machine, layout)
     generator = np.random.default_rng(np.random.SeedSequence(run.seed, spawn_key=(1,)))
     told: list[dict[str, object]] = []
+    signals = excitation_signals(machine.excitations, run)
+    unmeasured: list[Signal] = []
     for text in texts:
-        signals = excitation_signals(machine.excitations, run)
-        one = hidden_effect(text, description, signals, run.sample_rate, generator)
-        hypothesis = one.hypothesis
+        one = hidden(text, description, (*signals, *unmeasured), run.sample_rate, generator)
         description = one.truth(description)
+        if isinstance(one, HiddenForce):
+            unmeasured.append(one.signal)
+            told.append({'effect': one.name, 'location': one.label, 'in_library': False})
+            continue
+        hypothesis = one.hypothesis
         told.append(
             {
                 'effect': hypothesis.effect.name,
@@ -210,9 +217,10 @@ def _with_hidden(
                 'size': one.size,
                 'unit': hypothesis.effect.unit(hypothesis.place),
                 'inner': dict(hypothesis.inner),
+                'in_library': True,
             }
         )
-    return description, told
+    return description, tuple(unmeasured), told
 
 
 def _recorded_force(path: Path | None, excitation: str) -> NDArray[np.float64] | None:

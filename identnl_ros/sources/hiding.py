@@ -10,6 +10,7 @@ from identnl_ros.core.discrepancy.hidden_effect import choose_place, HiddenEffec
 from identnl_ros.core.discrepancy.library import EFFECTS
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.simulation.excitation import Signal
+from identnl_ros.sources.hidden_force import FORCES, hidden_force, HiddenForce
 from identnl_ros.storage.quantities import Quantity
 import numpy as np
 
@@ -27,14 +28,14 @@ WHOLE = 1.0
 DEFAULT_OFFSET = 20.0
 
 
-def hidden_effect(
+def hidden(
     text: str,
     description: Description,
     signals: tuple[Signal, ...],
     sample_rate: float,
     generator: np.random.Generator,
     effects: Sequence[Effect] = EFFECTS,
-) -> HiddenEffect:
+) -> HiddenEffect | HiddenForce:
     """
     Find out what is to be hidden.
 
@@ -55,7 +56,8 @@ def hidden_effect(
 
     Returns
     -------
-    HiddenEffect
+    HiddenEffect or HiddenForce
+        The latter: something that no effect of the library is.
 
     Raises
     ------
@@ -66,9 +68,14 @@ def hidden_effect(
     name, _, rest = text.partition(':')
     place, _, size = rest.partition(':')
     found = {effect.name: effect for effect in effects}
+    if name in FORCES:
+        exciters = description.machine.excitations
+        whole = max((one.amplitude for one in exciters), default=1.0)
+        amplitude = whole * _share(size) if _is_share(size) else _number(size, 'N', whole)
+        return hidden_force(name, place, amplitude, description, generator)
     if name not in found:
         raise DataError(f'--hide {text}: no effect is called "{name}"; expected one of '
-                        f'{", ".join(sorted(found))}')  # fmt: skip
+                        f'{", ".join(sorted((*found, *FORCES)))}')  # fmt: skip
     choices = choose_place(found[name], description, place)
     hypothesis = choices[int(generator.integers(len(choices)))]
     effect = hypothesis.effect
@@ -78,10 +85,22 @@ def hidden_effect(
             default = DEFAULT_OFFSET * description.sensor(hypothesis.place.part).noise
         return HiddenEffect(hypothesis, _number(size, effect.unit(hypothesis.place), default))
     hypothesis, whole = relative_size(description, hypothesis, signals, sample_rate)
-    if not size or size.strip().endswith('%'):
-        share = float(size.strip().rstrip('%')) / 100 if size else DEFAULT_SHARE
-        return HiddenEffect(hypothesis, share * whole)
+    if _is_share(size):
+        return HiddenEffect(hypothesis, _share(size) * whole)
     return HiddenEffect(hypothesis, _number(size, effect.unit(hypothesis.place), whole))
+
+
+def _is_share(text: str) -> bool:
+    return not text or text.strip().endswith('%')
+
+
+def _share(text: str) -> float:
+    if not text:
+        return DEFAULT_SHARE
+    try:
+        return float(text.strip().rstrip('%')) / 100
+    except ValueError:
+        raise DataError(f'--hide: "{text}" is no share; expected e.g. 5%') from None
 
 
 def _number(text: str, unit: str, default: float) -> float:

@@ -131,6 +131,8 @@ class SimulatedSource:
         Time stamp of the first sample [ns].
     actual : Description or None
         The stand as it is, where machine and layout do not tell all; None: they do.
+    hidden_signals : tuple of Signal
+        For excitations that it has beyond those of the machine.
 
     Raises
     ------
@@ -149,6 +151,7 @@ class SimulatedSource:
         stream_id: int | None = None,
         stamp_ns: int = 0,
         actual: Description | None = None,
+        hidden_signals: tuple[Signal, ...] = (),
     ) -> None:
         _, _, stand_seed = np.random.SeedSequence(run.seed).spawn(3)
         if stream_id is None:
@@ -160,7 +163,7 @@ class SimulatedSource:
         self._stand = SimulatedStand(
             assemble(actual.machine),
             actual.layout.with_noise_times(run.noise),
-            excitation_signals(machine.excitations, run),
+            (*excitation_signals(machine.excitations, run), *hidden_signals),
             run.sample_rate,
             int(stand_seed.generate_state(1, np.uint64)[0]),
             stream_id,

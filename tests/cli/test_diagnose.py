@@ -97,3 +97,27 @@ def test_record_that_is_too_short_is_said(identnl, config, tmp_path):
     result = identnl('diagnose', path)
     assert result.exit_code == 2
     assert 'too few for a diagnosis' in result.stderr
+
+
+@pytest.mark.parametrize('name', ['random_force', 'impacts', 'rising_tone'])
+def test_force_outside_the_library_is_hidden_and_left_unexplained(name, config, tmp_path):
+    from click.testing import CliRunner
+    from identnl_ros.cli.commands import cli
+
+    path = tmp_path / 'run.mcap'
+    layout = path.with_name('layout.yaml')
+    text = (config / 'oscillator_layout.yaml').read_text('utf-8').rstrip()
+    layout.write_text(f'{text}\n    noise: 0.1 mV\n', 'utf-8')
+    made = CliRunner().invoke(cli, [
+        'simulate', '--machine', str(config / 'oscillator.yaml'), '--layout', str(layout),
+        '--duration', '4', '--hide', f'{name}::20%', '--out', str(path),
+    ])  # fmt: skip
+    assert made.exit_code == 0, made.output
+    told = json.loads(path.with_name('run.mcap.truth.json').read_text('utf-8'))['hidden'][0]
+    assert told['effect'] == name
+    assert not told['in_library']
+    found = CliRunner().invoke(cli, ['diagnose', str(path), '--json'])
+    assert found.exit_code == 1, found.output
+    said = json.loads(found.stdout)
+    assert said['verdict'] == 'unexplained'
+    assert said['findings'] == []

@@ -12,6 +12,7 @@ from identnl_ros.core.discrepancy.features import Features
 from identnl_ros.core.discrepancy.held_out import held_out_error
 from identnl_ros.core.discrepancy.hidden_effect import choose_place, HiddenEffect, relative_size
 from identnl_ros.core.discrepancy.library import EFFECTS, hypotheses_about
+from identnl_ros.core.discrepancy.nominal_motion import corrected, NominalMotion
 from identnl_ros.core.discrepancy.rereading import reread
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
@@ -65,7 +66,7 @@ def recorded(description, truth, seed, count=COUNT, skip=1000):
         declared_layout=description.layout,
     )  # fmt: skip
     samples = stand.read(skip + count).samples[skip:]
-    return MeasuredRecord(description.layout, RATE, samples)
+    return MeasuredRecord(description.layout, RATE, samples, first_index=skip)
 
 
 def hidden(description, name, place, share):
@@ -89,6 +90,10 @@ def diagnosed(description, truth, seed):
         ('linear_stiffness', 'rail.axis_3'),
         ('backlash', 'rail.axis_2'),
         ('added_mass', 'table'),
+        ('hysteresis', 'rail.axis_1'),
+        ('drifting_stiffness', 'rail.axis_2'),
+        ('hidden_oscillator', 'table.axis_1'),
+        ('periodic_force', 'table.axis_2'),
     ],
 )
 def test_hidden_effect_is_named_and_measured(description, name, place):
@@ -121,6 +126,38 @@ def test_faulty_sensor_is_named(description, name, place, size):
     assert found.verdict is Verdict.EXPLAINED
     assert [each.hypothesis.key for each in found.named] == [(name, place)]
     assert found.named[0].size == pytest.approx(size, rel=0.05)
+
+
+def test_limit_of_hysteresis_is_fitted(description):
+    (place,) = choose_place(BY_NAME['hysteresis'], description, 'rail.axis_2')
+    hypothesis, whole = relative_size(description, place, signals(), RATE)
+    inner = {'limit': 0.6 * hypothesis.inner['limit'], 'exponent': 4.0}
+    truth = replace(hypothesis, inner=inner).applied(description, 0.1 * whole)
+    found = diagnosed(description, truth, 51)
+    assert [each.hypothesis.key for each in found.named] == [('hysteresis', 'rail.axis_2')]
+    for one in found.named[0].inner:
+        assert abs(one.value - inner[one.name]) < 5 * one.deviation < 0.1 * inner[one.name]
+
+
+@pytest.mark.parametrize(('name', 'size'), [('force_gain', 0.05), ('force_delay', 2e-4)])
+def test_faulty_force_cell_is_named(description, name, size):
+    (hypothesis,) = choose_place(BY_NAME[name], description, '')
+    found = diagnosed(description, hypothesis.applied(description, size), 22)
+    assert found.verdict is Verdict.EXPLAINED
+    assert [each.hypothesis.key for each in found.named] == [hypothesis.key]
+    assert found.named[0].size == pytest.approx(size, rel=0.02)
+
+
+def test_lines_beyond_the_band_do_not_get_into_the_nominal_motion():
+    time = np.arange(4000) / RATE
+    still = NominalMotion(*(np.zeros((4000, 1)) for _ in range(3)))
+    high, low = (np.sin(2 * np.pi * one * time)[:, np.newaxis] for one in (1500.0, 100.0))
+    noise = np.random.default_rng(2).standard_normal((4000, 1))
+    deviation = noise + 5 * high + 5 * low
+    found = corrected(still, deviation, np.eye(1), RATE, 400.0).displacement
+    error = found[200:-200] - 5 * low[200:-200]
+    assert np.sqrt(np.mean(error**2)) < 0.3
+    assert abs(np.mean(found * high)) < 1e-12
 
 
 def test_two_effects_are_named(description):

@@ -40,6 +40,8 @@ class Place:
         Second sensor.
     words : str
         For people.
+    unit : str
+        SI unit of the readings of a sensor.
 
     """
 
@@ -47,6 +49,7 @@ class Place:
     axis: int = 0
     other: str = ''
     words: str = ''
+    unit: str = ''
 
     @property
     def label(self) -> str:

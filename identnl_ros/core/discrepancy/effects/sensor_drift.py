@@ -10,6 +10,9 @@ from identnl_ros.core.discrepancy.effect import Place, Reals, Signals
 from identnl_ros.core.discrepancy.effects.sensor_faults import OneSensor
 
 
+DRIFT_UNITS = {'m': 'm/s', 'm/s': 'm/s^2', 'm/s^2': 'm/s^3'}
+
+
 class SensorDrift(OneSensor):
     """Readings with an offset in proportion to the time since the begin of the stream."""
 
@@ -19,7 +22,7 @@ class SensorDrift(OneSensor):
 
     def unit(self, place: Place) -> str:
         """Give the unit of its size: that of the sensor, per second."""
-        return '1/s'
+        return DRIFT_UNITS.get(place.unit, '1/s')
 
     def deviation(self, signals: Signals, place: Place) -> Mapping[str, Reals]:
         """Give the time."""

@@ -28,7 +28,7 @@ class OneSensor(SensorFault):
     def places(self, description: Description) -> Sequence[Place]:
         """List the sensors of motion."""
         return [
-            Place(sensor.name, words=f'sensor {sensor.name}')
+            Place(sensor.name, words=f'sensor {sensor.name}', unit=sensor.kind.unit)
             for sensor in description.layout.sensors
             if sensor.kind in MOTION
         ]
@@ -86,6 +86,10 @@ class SensorOffset(OneSensor):
     name = 'sensor_offset'
     title = 'an offset'
     size_name = 'offset'
+
+    def unit(self, place: Place) -> str:
+        """Give the SI unit of its size: that of the reading."""
+        return place.unit or '1'
 
     def deviation(self, signals: Signals, place: Place) -> Mapping[str, Reals]:
         """Give a constant."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 from identnl_ros.core.discrepancy.consistent_motion import consistent_motion
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.diagnosis import diagnose, Verdict
-from identnl_ros.core.discrepancy.effect import AddedPart, ChangedMachine, Course, Scale
+from identnl_ros.core.discrepancy.effect import AddedPart, ChangedMachine, Course, Place, Scale
 from identnl_ros.core.discrepancy.features import Features
 from identnl_ros.core.discrepancy.held_out import held_out_error
 from identnl_ros.core.discrepancy.hidden_effect import choose_place, HiddenEffect, relative_size
@@ -126,6 +126,36 @@ def test_faulty_sensor_is_named(description, name, place, size):
     assert found.verdict is Verdict.EXPLAINED
     assert [each.hypothesis.key for each in found.named] == [(name, place)]
     assert found.named[0].size == pytest.approx(size, rel=0.05)
+
+
+class HoseStiffness(AddedPart):
+    """As the documentation shows how to add an effect."""
+
+    name, title, size_name = 'hose_stiffness', 'the stiffness of the hose', 'stiffness'
+    sign = 1
+
+    def unit(self, place):
+        return 'N/m'
+
+    def places(self, description):
+        return [Place('table', 3, words='the clamp of the hose')]
+
+    def part(self, description, place, inner, coefficient, name):
+        along = (Coefficient(0.0), Coefficient(0.0), coefficient)
+        return SpringDamper(name, 'table', 'ground', np.zeros(3), np.eye(3), stiffness=along)
+
+
+def test_effect_made_outside_the_package_is_named(description):
+    (hypothesis,) = choose_place(HoseStiffness(), description, '')
+    record = recorded(description, hypothesis.applied(description, 2e5), 61)
+    model = assemble(description.machine)
+    found = diagnose(description, model, record, effects=(HoseStiffness(), *EFFECTS))
+    assert [each.hypothesis.key for each in found.named] == [('hose_stiffness', 'table.axis_3')]
+    assert found.named[0].size == pytest.approx(2e5, rel=0.02)
+    # Here a spring of the rail in this direction does the same.
+    assert ('linear_stiffness', 'rail.axis_3') in {
+        one.key for one in found.named[0].finding.rivals
+    }
 
 
 def test_limit_of_hysteresis_is_fitted(description):

@@ -9,7 +9,6 @@ from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Place, Reals, Signals
 from identnl_ros.core.discrepancy.effects.sensor_faults import OneSensor
 
-
 DRIFT_UNITS = {'m': 'm/s', 'm/s': 'm/s^2', 'm/s^2': 'm/s^3'}
 
 

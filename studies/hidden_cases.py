@@ -34,6 +34,7 @@ MACHINES = ('knee_column', 'three_body')
 # Sizes of effects of the machine: shares of the exciters' strength.
 SIZES = (0.02, 0.1)
 STRONG = 0.2
+WHOLE = ('coupled_contact', 'contact_opening')
 # Of faults of sensors: smallest and largest.
 FAULTS = {
     'sensor_gain': (0.02, 0.1),
@@ -255,6 +256,11 @@ def _drawn(
         low, high = FAULTS.get(effect.name, (1.0, 1.0))
         return HiddenEffect(hypothesis, _between(low, high, generator))
     hypothesis, whole = relative_size(description, hypothesis, signals, RATE, generator)
+    if effect.name in WHOLE:
+        # There or not: what is far stronger than the others is drawn anew.
+        if whole < 1 / STRONG:
+            return _drawn(description, signals, strength, generator)
+        return HiddenEffect(hypothesis, 1.0)
     sign = 1 if effect.sign else generator.choice((-1, 1))
     return HiddenEffect(hypothesis, sign * whole * _between(*strength, generator))
 

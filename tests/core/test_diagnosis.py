@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.discrepancy.comparison import Comparison
 from identnl_ros.core.discrepancy.consistent_motion import consistent_motion
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.diagnosis import diagnose, Verdict
@@ -14,6 +15,7 @@ from identnl_ros.core.discrepancy.hidden_effect import choose_place, HiddenEffec
 from identnl_ros.core.discrepancy.library import EFFECTS, hypotheses_about
 from identnl_ros.core.discrepancy.nominal_motion import corrected, NominalMotion
 from identnl_ros.core.discrepancy.rereading import reread
+from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.coefficients import Coefficient
@@ -269,3 +271,15 @@ def test_sensors_that_contradict_the_others_are_left_out():
     assert np.all(matrix[:, 4] == 0)
     error = readings @ matrix.T - motion
     np.testing.assert_allclose(error.std(axis=0), np.sqrt(np.diag(covariance)), rtol=0.2)
+
+
+def test_noise_is_told_from_readings_as_they_came(description):
+    # Taking out a delay of part of a sample smooths the noise; its size is that before.
+    late = description
+    for sensor in description.layout.sensors:
+        if sensor.kind is SensorKind.ACCELERATION:
+            late = late.with_sensor(replace(sensor, delay=0.43 / RATE))
+    samples = recorded(late, late, 71)
+    comparison = Comparison(late, assemble(late.machine), samples)
+    for sensor, noise in zip(comparison.sensors, comparison.deviation, strict=True):
+        assert noise == pytest.approx(sensor.noise, rel=0.1)

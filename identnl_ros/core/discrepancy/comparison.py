@@ -247,7 +247,10 @@ class Comparison:
 
         """
         found = []
-        for table in (self.measured, self.measured - self.readings(self.simulated)):
+        # Readings whose delay was taken out are smoother than they came.
+        left = self.measured - self.readings(self.simulated)
+        left[:, self.prepared.prediction.stated_delays != 0] = np.nan
+        for table in (self.prepared.measured, left):
             estimate = NoiseEstimate(table.shape[1])
             estimate.add(np.where(self.valid, table, np.nan))
             found.append(estimate.standard_deviation)

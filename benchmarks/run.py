@@ -208,6 +208,31 @@ def simulation(machine_path: Path, table: Table) -> None:
         table.add_row(name, f'{seconds:.3f}', f'{count / RATE / seconds:.2f}', f'{error:.1e}')
 
 
+def diagnosis(machine_path: Path, folder: Path, table: Table) -> None:
+    """Whole process, all shipped sensors, full library: with and without something hidden."""
+    for hidden in ('', 'coulomb_friction:slideway_8.axis_2:5%'):
+        path = folder / f'strange_{bool(hidden)}.mcap'
+        options = ('--hide', hidden) if hidden else ()
+        identnl(
+            'simulate', '--machine', str(machine_path), '--duration', '4', '--rate', str(RATE),
+            *options, '--out', str(path),
+        )  # fmt: skip
+        said: list[str] = []
+
+        def diagnose(path: Path = path, said: list[str] = said) -> None:
+            said.append(identnl('diagnose', str(path), '--json'))
+
+        seconds = median_seconds(diagnose, 3)
+        found = json.loads(said[-1])
+        named = ', '.join(f'{one["effect"]} {one["location"]}' for one in found['findings'])
+        held_out = found['held_out']
+        errors = [held_out[one]['response_nrmse'] for one in ('before', 'after', 'noise_floor')]
+        table.add_row(
+            hidden or 'nothing', f'{seconds:.1f}', f'{found["verdict"]}: {named or "-"}',
+            ' / '.join(f'{100 * one:.3g} %' for one in errors),
+        )  # fmt: skip
+
+
 def _once(action: Callable[[], object]) -> float:
     start = time.perf_counter()
     action()
@@ -245,6 +270,11 @@ def main() -> None:
                         'worst error, noisy', 'rms z, noisy', 'status, noisy'):  # fmt: skip
             table.add_column(heading, justify='right' if heading else 'left')
         estimators(machine_path, Path(folder), table)
+        console.print(table)
+        table = Table(title='Diagnosis, whole process, 4 s at 10 kHz', title_justify='left')
+        for heading in ('hidden', 'median s', 'said', 'held-out error before / after / noise'):
+            table.add_column(heading)
+        diagnosis(machine_path, Path(folder), table)
         console.print(table)
     table = Table(title='Simulation of the same machine, 0.2 s', title_justify='left')
     for heading in ('', 'median s', 'times real time', 'worst rel. error'):

@@ -34,6 +34,8 @@ MACHINES = ('knee_column', 'three_body')
 # Sizes of effects of the machine: shares of the exciters' strength.
 SIZES = (0.02, 0.1)
 STRONG = 0.2
+# Mass of a flexible mode over that of its body.
+HEAVIEST = 0.3
 WHOLE = ('coupled_contact', 'contact_opening')
 # Of faults of sensors: smallest and largest.
 FAULTS = {
@@ -262,7 +264,12 @@ def _drawn(
             return _drawn(description, signals, strength, generator)
         return HiddenEffect(hypothesis, 1.0)
     sign = 1 if effect.sign else generator.choice((-1, 1))
-    return HiddenEffect(hypothesis, sign * whole * _between(*strength, generator))
+    size = sign * whole * _between(*strength, generator)
+    if effect.name == 'hidden_oscillator':
+        host = description.body(hypothesis.place.part)
+        if size > HEAVIEST * host.mass.value:
+            return _drawn(description, signals, strength, generator)
+    return HiddenEffect(hypothesis, size)
 
 
 def _between(low: float, high: float, generator: np.random.Generator) -> float:

@@ -46,7 +46,12 @@ def test_periodic_force_tries_the_frequencies_it_is_told():
     (place,) = effect.places(STRAIGHT)
     assert effect.variants(STRAIGHT, place, scale_of(STRAIGHT)) == ()
     variants = effect.variants(STRAIGHT, place, scale_of(STRAIGHT, (37.0, 50.0)))
-    assert [one['frequency'] for one in variants] == [37.0, 37.0, 50.0, 50.0]
+    for frequency in (37.0, 50.0):
+        phases = [one['phase'] for one in variants if one['frequency'] == frequency]
+        # A wave of any phase, either sign, resembles one of them.
+        for phase in np.linspace(0, np.pi, 50):
+            assert max(np.abs(np.cos(np.array(phases) - phase))) > 0.96
+    assert {one['frequency'] for one in variants} == {37.0, 50.0}
     assert [effect.inner_unit(name, place) for name in variants[0]] == ['Hz', 'rad']
 
 

@@ -1,0 +1,164 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Band-limited interpolation of a uniformly sampled source on another grid, streaming."""
+
+from dataclasses import dataclass
+
+from identnl_ros.core.errors import DataError
+import numpy as np
+from numpy.typing import NDArray
+
+# Zero crossings of the sinc on either side.
+HALF_WIDTH = 64
+# What the stop band leaves, and how far the pass band is off 1 [dB].
+STOP_BAND = 120.0
+# Grid points computed at once.
+CHUNK = 256
+
+
+@dataclass(frozen=True)
+class Grid:
+    """
+    Where the points of a grid lie among the samples of a source.
+
+    Parameters
+    ----------
+    start : float
+        Place of point 0 in samples of the source.
+    step : float
+        Samples of the source per point; 1 and a little for clocks that differ.
+
+    Raises
+    ------
+    DataError
+        If the step is not positive or a number is not finite.
+
+    """
+
+    start: float
+    step: float
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        if not (np.isfinite([self.start, self.step]).all() and self.step > 0):
+            raise DataError(
+                f'grid: start {self.start} and step {self.step} must be finite, the step positive'
+            )
+
+    def place(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Places of points among the samples.
+
+        Parameters
+        ----------
+        point : ndarray
+            Running index of the points.
+
+        Returns
+        -------
+        ndarray
+            [samples of the source].
+
+        """
+        return np.asarray(self.start + self.step * point)
+
+
+class Resampler:
+    """
+    Interpolate all channels of a source on a grid, chunk by chunk.
+
+    A sinc under Kaiser's window (Kaiser and Schafer 1980), evaluated exactly at every point.
+    Good to `STOP_BAND` up to `passband` of the lower of the two Nyquist frequencies; where the
+    grid is coarser than the samples, what lies above its Nyquist frequency is removed.
+
+    Parameters
+    ----------
+    grid : Grid
+    channels : int
+
+    """
+
+    def __init__(self, grid: Grid, channels: int) -> None:
+        self._grid = grid
+        self._stretch = max(1.0, grid.step)
+        self._reach = int(np.ceil(HALF_WIDTH * self._stretch))
+        self._shape = 0.1102 * (STOP_BAND - 8.7)
+        self._buffer = np.empty((0, channels))
+        self._buffer_begin = 0
+        self._next_point = 0
+
+    @property
+    def passband(self) -> float:
+        """Share of the lower Nyquist frequency that is interpolated to the stop band [-]."""
+        return float(1 - (STOP_BAND - 8) / (2.285 * 2 * HALF_WIDTH) / 2 / np.pi)
+
+    def add(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Take the next samples and give the points that are complete.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n_samples, n_channels)
+            NaN where there is no valid sample.
+
+        Returns
+        -------
+        ndarray, shape (n_points, n_channels)
+            NaN where an invalid sample, or one before the first, is within reach.
+
+        """
+        self._buffer = np.concatenate((self._buffer, samples))
+        end = self._buffer_begin + len(self._buffer)
+        # Complete as long as floor(place) + reach < end; rounding is left to the comparison.
+        count = int(np.floor((end - self._reach - self._grid.start) / self._grid.step)) + 2
+        points = np.arange(self._next_point, max(count, self._next_point))
+        base = np.floor(self._grid.place(points.astype(np.float64))).astype(np.int64)
+        points = points[base + self._reach < end]
+        result = self._at(points)
+        self._next_point += len(points)
+        needed = int(np.floor(self._grid.place(np.array(float(self._next_point))))) - self._reach
+        drop = int(np.clip(needed - self._buffer_begin, 0, len(self._buffer)))
+        self._buffer = self._buffer[drop:]
+        self._buffer_begin += drop
+        return result
+
+    def _at(self, points: NDArray[np.int64]) -> NDArray[np.float64]:
+        result = np.full((len(points), self._buffer.shape[1]), np.nan)
+        reach = np.arange(-self._reach + 1, self._reach + 1)
+        for begin in range(0, len(points), CHUNK):
+            place = self._grid.place(points[begin : begin + CHUNK].astype(np.float64))
+            base = np.floor(place).astype(np.int64)
+            distance = ((place - base)[:, np.newaxis] - reach) / self._stretch
+            window = np.sqrt(np.maximum(0.0, 1 - (distance / HALF_WIDTH) ** 2))
+            weights = np.sinc(distance) * np.i0(self._shape * window) / np.i0(self._shape)
+            weights /= self._stretch
+            rows = base[:, np.newaxis] + reach - self._buffer_begin
+            known = rows[:, 0] >= 0
+            values = self._buffer[rows[known]]
+            result[begin : begin + CHUNK][known] = np.matmul(
+                weights[known, np.newaxis, :], values
+            )[:, 0]
+        return result
+
+
+def resample(samples: NDArray[np.float64], grid: Grid, count: int) -> NDArray[np.float64]:
+    """
+    Interpolate a whole record.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples, n_channels)
+    grid : Grid
+    count : int
+        Number of points.
+
+    Returns
+    -------
+    ndarray, shape (count, n_channels)
+        NaN where the record does not reach.
+
+    """
+    result = np.full((count, samples.shape[1]), np.nan)
+    known = Resampler(grid, samples.shape[1]).add(samples)[:count]
+    result[: len(known)] = known
+    return result

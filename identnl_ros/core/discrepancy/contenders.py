@@ -72,7 +72,7 @@ def chosen(
         others = {one.key for one in finding.rivals} - set(excluded)
         if after.is_noise and len(found) == 1 and not others:
             break
-    improved = [one for one in found if one[1].cost < present.cost]
+    improved = [one for one in found if _price(one[1]) < _price(present)]
     least = min((_price(after) for _, after in improved), default=0.0)
     return next((one for one in improved if _price(one[1]) < least + SAME), None)
 

@@ -18,6 +18,7 @@ from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Effect, Hypothesis
 from identnl_ros.core.discrepancy.evidence import Evidence
 from identnl_ros.core.discrepancy.library import EFFECTS, hypotheses_about
+from identnl_ros.core.discrepancy.machine_columns import with_numbers
 from identnl_ros.core.discrepancy.named_effect import named_effect, NamedEffect
 from identnl_ros.core.discrepancy.rereading import reread
 from identnl_ros.core.discrepancy.selection import Finding, Selection
@@ -125,7 +126,7 @@ def diagnose(
     while len(named) < MOST_FINDINGS and _is_hopeful(before, present, len(named)):
         progress(f'testing the library of effects, {len(named)} named')
         comparison = present.comparison
-        evidence = Evidence(comparison)
+        evidence = with_numbers(Evidence(comparison), present.liberties.numbers)
         scale = replace(comparison.scale, frequencies=standing_out(evidence))
         hypotheses = hypotheses_about(
             present.description, scale, comparison.residual_ratios(), effects

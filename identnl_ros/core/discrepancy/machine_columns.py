@@ -66,3 +66,26 @@ class MachineColumns:
             table[:, :, part] = evidence.channels.of_motion(means, np.float32)
         table *= np.float32(np.sqrt(average))
         return real_rows(evidence.whitened(spectral_lines(table)))
+
+
+def with_numbers(evidence: Evidence, numbers: Sequence[Hypothesis]) -> Evidence:
+    """
+    Let numbers inside elements explain what they can, as the unknowns do.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    numbers : sequence of Hypothesis
+        Changes of numbers, see `numbers_to_fit`.
+
+    Returns
+    -------
+    Evidence
+        The same, with more columns in its base.
+
+    """
+    if numbers:
+        rows = MachineColumns(evidence, numbers).of(range(len(numbers)))
+        lines = rows.view(np.complex64).reshape(len(numbers), *evidence.base.shape[1:])
+        evidence.base = np.concatenate((evidence.base, lines))
+    return evidence

@@ -9,7 +9,7 @@ from identnl_ros.core.discrepancy.comparison import Comparison, State
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.effect import Hypothesis
 from identnl_ros.core.discrepancy.evidence import Evidence, real_rows
-from identnl_ros.core.discrepancy.machine_columns import MachineColumns
+from identnl_ros.core.discrepancy.machine_columns import with_numbers
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.assembly import assemble
@@ -265,13 +265,9 @@ def _solved(comparison: Comparison, held: bool, liberties: Liberties) -> _Solved
     if comparison.failed:
         return None
     with np.errstate(over='ignore', invalid='ignore'):
-        evidence = Evidence(comparison)
+        evidence = with_numbers(Evidence(comparison), () if held else liberties.numbers)
     unknowns = len(comparison.model.estimated)
     table = real_rows(evidence.base[unknowns:] if held else evidence.base)
-    if liberties.numbers and not held:
-        columns = MachineColumns(evidence, liberties.numbers)
-        numbers = columns.of(range(len(liberties.numbers)))
-        table = np.concatenate((table, numbers.astype(np.float64)))
     motion = evidence.channels.count
     residual = real_rows(evidence.residual[None, :motion])[0]
     largest = max(np.abs(table).max(initial=0.0), np.abs(residual).max())

@@ -20,6 +20,8 @@ from identnl_ros.storage.formats.table import (
 import numpy as np
 from numpy.typing import NDArray
 
+BUFFER = 2**20  # [bytes] of every column
+
 
 class ParquetTable(Table):
     """
@@ -43,7 +45,7 @@ class ParquetTable(Table):
         super().__init__(path)
         parquet = library('pyarrow.parquet', 'pyarrow', 'Parquet files')
         with foreign_errors(path, 'Parquet'):
-            self._file = parquet.ParquetFile(path)
+            self._file = parquet.ParquetFile(path, pre_buffer=False, buffer_size=BUFFER)
             types = library('pyarrow.types', 'pyarrow', 'Parquet files')
             schema = self._file.schema_arrow
             self._fields = [
@@ -72,7 +74,14 @@ class ParquetTable(Table):
         at_once = max(1, VALUES_AT_ONCE // (len(names) * count)) * count
         size = self._file.metadata.num_rows
         begin = 0
-        batches = self._file.iter_batches(at_once, columns=names)
+        # A group of rows after the other: over several, pages read ahead pile up.
+        batches = (
+            batch
+            for group in range(self._file.metadata.num_row_groups)
+            for batch in self._file.iter_batches(
+                at_once, row_groups=[group], columns=names, use_threads=False
+            )
+        )
         while True:
             with foreign_errors(self.path, 'Parquet'):
                 batch = next(batches, None)

@@ -74,7 +74,7 @@ $(MADE): | tools/prerequisites.sh
 
 # setuptools first: it builds the few packages that come as source.
 $(PACKAGES): requirements.lock $(MADE)
-	@echo 'Installing the packages of requirements.lock (about 900 MB on disk)'
+	@echo 'Installing the packages of requirements.lock (about 1.1 GB on disk)'
 	@grep '^setuptools==' requirements.lock | $(PIP) install --requirement /dev/stdin
 	@$(PIP) install --no-build-isolation --use-pep517 --requirement requirements.lock
 	@touch $@
@@ -95,8 +95,8 @@ lock:
 	"$$python" -m venv --clear $(VENV)/lock && \
 	$(VENV)/lock/bin/pip --quiet install uv && \
 	UV_CUSTOM_COMPILE_COMMAND='make lock' $(VENV)/lock/bin/uv pip compile --quiet --upgrade \
-	    --python-version 3.11 --python-platform linux --no-emit-index-url --extra test \
-	    --output-file requirements.lock setup.py requirements.in
+	    --python-version 3.11 --python-platform linux --no-emit-index-url --extra formats \
+	    --extra test --output-file requirements.lock setup.py requirements.in
 	@rm -rf $(VENV)/lock
 
 clean:

@@ -116,7 +116,9 @@ setup(
         'zstandard',
     ],
     extras_require={
-        'test': ['mypy', 'pytest', 'pytest-timeout', 'pytest-xdist', 'ruff'],
+        # files of other programs: HDF5 and MATLAB 7.3, TDMS, Parquet
+        'formats': ['h5py', 'npTDMS', 'pyarrow'],
+        'test': ['mypy', 'pytest', 'pytest-timeout', 'pytest-xdist', 'pyuff', 'ruff'],
     },
     cmdclass=commands(),
     zip_safe=False,

@@ -17,7 +17,8 @@ COMMANDS = {
     'design': ('design', 'Tell what a planned run would determine, before it is made.'),
     'replay': ('replay', 'Publish the samples of a bag on ROS 2 topics.'),
     'record': ('record', 'Record the topics of a stand in a bag.'),
-    'import': ('import_file', 'Turn a recorded table (CSV) into a bag.'),
+    'import': ('import_file', 'Turn a recorded file of another program into a bag.'),
+    'export': ('export', 'Write the samples of a bag as a table for other programs.'),
     'check': ('check', 'Tell whether machine files, layout files and bags are sound.'),
     'demo': ('demo', 'Identify the simulated knee and column live, over DDS.'),
 }

@@ -30,3 +30,30 @@ def progress(title: str, total: float) -> Iterator[Callable[[float], None]]:
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda part: bar.advance(task, part)
+
+
+@contextmanager
+def progress_of(title: str) -> Iterator[Callable[[int, int], None]]:
+    """
+    Show how far a job has come whose size turns out on the way.
+
+    Parameters
+    ----------
+    title : str
+
+    Yields
+    ------
+    callable
+        To be called with what is done and what there is to do.
+
+    """
+    with progress(title, 1.0) as advance:
+        before = 0.0
+
+        def report(done: int, size: int) -> None:
+            nonlocal before
+            share = done / size if size else 1.0
+            advance(share - before)
+            before = share
+
+        yield report

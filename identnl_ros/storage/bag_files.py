@@ -20,6 +20,7 @@ METADATA_KEY = 'rosbag2_bagfile_information'
 LARGEST_METADATA = 2**24  # [bytes]
 
 _ENDINGS = ('.mcap', '.db3')
+_TABLES = ('.csv', '.txt', '.uff', '.unv', '.mat', '.tdms', '.h5', '.hdf5', '.parquet')
 
 
 def open_files(path: Path, problems: Problems) -> list['McapFile | SqliteFile']:
@@ -80,7 +81,7 @@ def _open_file(
         return SqliteFile(path, problems, compressed)
     raise DataError(
         f'{path} is not a bag: it is neither an MCAP nor an SQLite file'
-        + ('; use `identnl import` for CSV files' if path.suffix in ('.csv', '.txt') else '')
+        + ('; use `identnl import` for files of other programs' if path.suffix in _TABLES else '')
     )
 
 

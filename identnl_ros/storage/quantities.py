@@ -374,6 +374,26 @@ def same_dimension(unit: str, other_unit: str) -> bool:
     return bool(_unit(unit).dimensionality == _unit(other_unit).dimensionality)
 
 
+def is_unit(text: str) -> bool:
+    """
+    Tell whether a text is a known unit.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    bool
+
+    """
+    try:
+        _unit(text)
+    except UnitError:
+        return False
+    return True
+
+
 def shown(value: object) -> str:
     """
     Put a value found in a file into words for an error.

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that are either complete or not there."""
 
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
 import tempfile
+from typing import BinaryIO
 
 from identnl_ros.core.errors import DataError
 
@@ -46,13 +47,38 @@ def write_bytes(path: Path, parts: Iterable[bytes]) -> None:
         If it cannot be written.
 
     """
+    with replaced(path) as stream:
+        stream.writelines(parts)
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[BinaryIO]:
+    """
+    Open a file for writing that gets its name, in place of another one, when it is complete.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder is made if need be.
+
+    Yields
+    ------
+    binary file
+        That can be positioned.
+
+    Raises
+    ------
+    DataError
+        If it cannot be written.
+
+    """
     part = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
         part = Path(name)
         with os.fdopen(descriptor, 'wb') as stream:
-            stream.writelines(parts)
+            yield stream
             stream.flush()
             os.fsync(stream.fileno())
         part.chmod(0o644)

@@ -29,12 +29,12 @@ def test_empty_file(tmp_path, name):
     assert 'is empty' in message_of(tmp_path / name)
 
 
-@pytest.mark.parametrize('name', ['a.mcap', 'a.db3', 'a.bag', 'a.csv'])
+@pytest.mark.parametrize('name', ['a.mcap', 'a.db3', 'a.bag', 'a.csv', 'a.tdms'])
 def test_file_that_is_no_bag(tmp_path, name):
     (tmp_path / name).write_text('time,x\n0,1\n' * 50)
     message = message_of(tmp_path / name)
     assert 'is not a' in message
-    assert ('identnl import' in message) == (name == 'a.csv')
+    assert ('identnl import' in message) == (name in ('a.csv', 'a.tdms'))
 
 
 def test_folder_without_a_bag(tmp_path):

@@ -2,27 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of numbers in text files, read a piece at a time, with line numbers in all errors."""
 
-from collections.abc import Callable, Iterator, Sequence
-from difflib import get_close_matches
+from collections.abc import Iterator, Sequence
 from io import BufferedReader, StringIO, TextIOWrapper
 from itertools import islice
 from operator import itemgetter
 from pathlib import Path
-import stat
+import re
 
 from identnl_ros.core.errors import DataError
+from identnl_ros.storage.formats.table import Column, MOST_DIGITS, Progress, Table
+from identnl_ros.storage.quantities import is_unit
 import numpy as np
 from numpy.typing import NDArray
 
 HEAD_SIZE = 2**20  # [bytes] in which the first row must end
-MOST_NAMES_SHOWN = 40
-MOST_DIGITS = 17
 TAIL_SIZE = 2**14  # [bytes]
 
-Progress = Callable[[int, int], None]
+_NAME_AND_UNIT = re.compile(r'(.*\S)\s*(?:\[([^][]+)\]|\(([^()]+)\))')
 
 
-class CsvTable:
+class CsvTable(Table):
     """
     A text file with a column for each channel and a row for each sample.
 
@@ -41,49 +40,18 @@ class CsvTable:
 
     """
 
+    row_name = 'line'
+
     def __init__(self, path: Path) -> None:
         """Read the names of the columns."""
-        self.path = path
+        super().__init__(path)
         self._find_head()
+        names = self._names or [''] * self._width
+        self.columns = tuple(_column(name) for name in names)
 
-    def column(self, name: str, wanted_by: str) -> int:
-        """
-        Find a column.
-
-        Parameters
-        ----------
-        name : str
-            Its name, or its number from 1.
-        wanted_by : str
-            For the error.
-
-        Returns
-        -------
-        int
-            Index from 0.
-
-        Raises
-        ------
-        DataError
-            If there is none or there are several of the name.
-
-        """
-        count = self.names.count(name)
-        if count == 1:
-            return self.names.index(name)
-        if count > 1:
-            raise DataError(
-                f'{self.path}: {count} columns are called {name!r} ({wanted_by}); '
-                'give the number of the column in the layout'
-            )
-        if name.isdecimal() and 1 <= int(name) <= self.width:
-            return int(name) - 1
-        close = get_close_matches(name, self.names, 1)
-        suggestion = f', did you mean {close[0]!r}?' if close else ''
-        raise DataError(
-            f'{self.path}: no column {name!r} ({wanted_by}){suggestion}; '
-            f'the file has {self._shown_names()}; correct the key column in the layout'
-        )
+    def place(self, row: int) -> str:
+        """Name a line for an error."""
+        return f'{self.path}:{row}'
 
     def rows(
         self, columns: Sequence[int], count: int, progress: Progress | None = None
@@ -120,12 +88,12 @@ class CsvTable:
                 if number < self._first_line:
                     continue
                 cells = self._cells(line)
-                if len(cells) != self.width:
+                if len(cells) != self._width:
                     if not any(cell.strip() for cell in cells):
                         continue
-                    if len(cells) != self.width + 1 or cells[-1].strip():
+                    if len(cells) != self._width + 1 or cells[-1].strip():
                         raise DataError(
-                            f'{self.path}:{number}: {len(cells)} cells, expected {self.width} as '
+                            f'{self.path}:{number}: {len(cells)} cells, expected {self._width} as '
                             f'in line {self._first_line}; repair or remove the row'
                         )
                 if not values:
@@ -183,12 +151,8 @@ class CsvTable:
     def _find_head(self) -> None:
         """Find the separator, the names and the first line of numbers."""
         try:
-            if not stat.S_ISREG(self.path.stat().st_mode):
-                raise DataError(f'{self.path} is not a file; give the path of a CSV file')
             with self.path.open('rb') as binary:
                 head = binary.read(HEAD_SIZE)
-        except FileNotFoundError:
-            raise DataError(f'{self.path} does not exist; give the path of a CSV file') from None
         except OSError as error:
             raise DataError(f'{self.path} cannot be read: {error.strerror or error}') from None
         if b'\0' in head or (len(head) == HEAD_SIZE and b'\n' not in head.replace(b'\r', b'\n')):
@@ -198,7 +162,7 @@ class CsvTable:
             )
         comment = ''
         named = False
-        self.names: list[str] = []
+        self._names: list[str] = []
         for number, line in enumerate(_lines(head), 1):
             content, _, remark = line.partition('#')
             if not content.strip():
@@ -208,12 +172,12 @@ class CsvTable:
                 self._separator = next((mark for mark in '\t;,' if mark in content), None)
             cells = _without_empty_end(self._cells(content))
             if not named and not all(_is_number(cell) for cell in cells):
-                self.names, named = [cell.strip() for cell in cells], True
+                self._names, named = [cell.strip() for cell in cells], True
                 continue
-            self.width = len(self.names) if named else len(cells)
+            self._width = len(self._names) if named else len(cells)
             remarked = [cell.strip() for cell in self._cells(comment)]
-            if not named and len(remarked) == self.width:
-                self.names = remarked
+            if not named and len(remarked) == self._width:
+                self._names = remarked
             self._first_line = number
             return
         raise DataError(
@@ -242,11 +206,14 @@ class CsvTable:
                 'correct it, or start the line with # to skip it'
             ) from None
 
-    def _shown_names(self) -> str:
-        if not self.names:
-            return f'no names but the columns 1 to {self.width}'
-        shown = ', '.join(self.names[:MOST_NAMES_SHOWN])
-        return f'{shown}{" and more" if len(self.names) > MOST_NAMES_SHOWN else ""}'
+
+def _column(name: str) -> Column:
+    """Take ``force [N]`` or ``force (N)`` apart, where it is a unit that stands there."""
+    match = _NAME_AND_UNIT.fullmatch(name)
+    unit = (match[2] or match[3]).strip() if match else ''
+    if match is None or not is_unit(unit):
+        return Column(name)
+    return Column(name, unit, aliases=(match[1],))
 
 
 def _as_text(binary: BufferedReader) -> TextIOWrapper:

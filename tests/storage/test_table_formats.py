@@ -13,6 +13,7 @@ import h5py
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.storage.bag_reader import open_bag
+from identnl_ros.storage.formats.matlab_table import matlab_table
 from identnl_ros.storage.table_import import import_table, Imported
 from nptdms import ChannelObject, RootObject, TdmsWriter
 import numpy as np
@@ -371,3 +372,24 @@ def test_libraries_are_imported_only_for_their_formats(tmp_path):
         check=True,
     )
     assert shown.stdout == '[]\n'
+
+
+def test_damaged_matlab_file_does_not_end_the_process(tmp_path):
+    generator = np.random.default_rng(1)
+    path = tmp_path / 'sound.mat'
+    columns = {
+        't': np.arange(50.0) / 100,
+        'a': generator.standard_normal(50),
+        'b': generator.standard_normal((50, 2)),
+        'fs': 100.0,
+    }
+    savemat(path, columns)
+    sound = path.read_bytes()
+    # The last of these ends scipy's reader by a signal.
+    for _ in range(15):
+        damaged = bytearray(sound)
+        for _ in range(3):
+            damaged[128 + int(generator.integers(len(sound) - 128))] = int(generator.integers(256))
+    path.write_bytes(damaged)
+    with pytest.raises(DataError, match=r'sound\.mat'):
+        matlab_table(path)

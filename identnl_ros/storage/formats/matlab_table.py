@@ -4,6 +4,8 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+import subprocess
+import sys
 from typing import Any
 import warnings
 
@@ -20,6 +22,7 @@ from identnl_ros.storage.formats.table import (
 import numpy as np
 from numpy.typing import NDArray
 
+READ = 'import sys; from scipy.io import loadmat; loadmat(sys.argv[1])'
 HDF5_MARK = b'\x89HDF\r\n\x1a\n'
 HDF5_OFFSET = 512  # [bytes] of MATLAB's own head in a file of version 7.3
 
@@ -79,6 +82,7 @@ class MatlabTable(ChannelTable):
         super().__init__(path)
         from scipy.io import loadmat, whosmat
 
+        _require_sound(path)
         self._values: list[Spool] = []
         scalars: list[tuple[str, object]] = []
         names: list[str] = []
@@ -128,6 +132,16 @@ class MatlabTable(ChannelTable):
         parts = parts.T if parts.shape[0] > parts.shape[1] else parts
         self._values += [Spool([part], part.dtype) for part in parts]
         return [name] if len(parts) == 1 else [f'{name}.{i + 1}' for i in range(len(parts))]
+
+
+def _require_sound(path: Path) -> None:
+    """Let another process read the file first: a damaged one can end the process that reads it."""
+    done = subprocess.run([sys.executable, '-c', READ, str(path)], capture_output=True)
+    if done.returncode < 0:
+        raise DataError(
+            f'{path} is damaged: reading it ends with signal {-done.returncode}; expected a '
+            'MATLAB file, save it again, with -v7.3 if it is large'
+        )
 
 
 def _numbers(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:

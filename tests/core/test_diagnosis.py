@@ -8,7 +8,14 @@ from identnl_ros.core.discrepancy.comparison import Comparison
 from identnl_ros.core.discrepancy.consistent_motion import consistent_motion
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.diagnosis import diagnose, Verdict
-from identnl_ros.core.discrepancy.effect import AddedPart, ChangedMachine, Course, Place, Scale
+from identnl_ros.core.discrepancy.effect import (
+    AddedPart,
+    ChangedMachine,
+    Course,
+    Hypothesis,
+    Place,
+    Scale,
+)
 from identnl_ros.core.discrepancy.features import Features
 from identnl_ros.core.discrepancy.held_out import held_out_error
 from identnl_ros.core.discrepancy.hidden_effect import choose_place, HiddenEffect, relative_size
@@ -21,6 +28,7 @@ from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.joints import SpringDamper
 from identnl_ros.core.mechanics.machine import Body, ExcitationPoint, Machine
+from identnl_ros.core.mechanics.slideway import Slideway
 from identnl_ros.core.simulation.excitation import multisine
 from identnl_ros.core.simulation.stand import SimulatedStand
 import numpy as np
@@ -283,3 +291,32 @@ def test_noise_is_told_from_readings_as_they_came(description):
     comparison = Comparison(late, assemble(late.machine), samples)
     for sensor, noise in zip(comparison.sensors, comparison.deviation, strict=True):
         assert noise == pytest.approx(sensor.noise, rel=0.1)
+
+
+def test_effects_that_change_a_slideway_need_no_values_in_the_file():
+    way = Slideway(
+        'way', 'table', 'ground', np.zeros(3), np.array([1.0, 0, 0]), np.array([0, 0, 1.0]),
+        0.4, 0.06, Coefficient(3e12, True), Coefficient(1e8), Coefficient(1e4), Coefficient(1e3),
+        preload=Coefficient(1e-6),
+    )  # fmt: skip
+    table = Body('table', Coefficient(20.0), np.zeros(3), None, ('translation_1',))
+    machine = Machine('block', (table,), (way,))
+    known = Description(machine, complete_layout(machine))
+    blank = known.with_joint(replace(way, normal_stiffness=Coefficient(np.nan, True)))
+    fitted = assemble(known.machine)
+    time = np.arange(200) / RATE
+    motion = 1e-7 * np.sin(300 * time)[:, np.newaxis]
+    forces = []
+    for description in (known, blank):
+        course = Course(
+            description, fitted, time, motion, 0 * motion, 0 * motion, np.zeros((200, 0))
+        )
+        chosen = [
+            Hypothesis(BY_NAME[name], place)
+            for name in ('wrong_exponent', 'wrong_preload', 'contact_opening')
+            for place in BY_NAME[name].places(description)
+        ]
+        assert len(chosen) == 3
+        forces.append(Features(course, chosen).forces(range(3), 0, 200))
+    assert np.abs(forces[0]).max() > 0
+    np.testing.assert_array_equal(forces[1], forces[0])

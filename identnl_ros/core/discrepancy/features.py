@@ -181,7 +181,7 @@ def _with_values_of(model: Model, fitted: Model, described: Model) -> Model:
     known = {one.name: one.value for one in fitted.parameters}
     before = {one.name: one.value for one in described.parameters}
     for i, one in enumerate(model.parameters):
-        if one.name in known and one.value == before[one.name]:
+        if one.name in known and (one.value == before[one.name] or np.isnan(one.value)):
             values[i] = known[one.name]
     return model.with_values(values)
 

@@ -4,18 +4,12 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.discrepancy.circumstances import Course, Scale
 from identnl_ros.core.discrepancy.comparison import Comparison
 from identnl_ros.core.discrepancy.consistent_motion import consistent_motion
 from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.diagnosis import diagnose, Verdict
-from identnl_ros.core.discrepancy.effect import (
-    AddedPart,
-    ChangedMachine,
-    Course,
-    Hypothesis,
-    Place,
-    Scale,
-)
+from identnl_ros.core.discrepancy.effect import AddedPart, ChangedMachine, Hypothesis, Place
 from identnl_ros.core.discrepancy.features import Features
 from identnl_ros.core.discrepancy.held_out import held_out_error
 from identnl_ros.core.discrepancy.hidden_effect import choose_place, HiddenEffect, relative_size

@@ -4,8 +4,9 @@
 
 from dataclasses import replace
 
+from identnl_ros.core.discrepancy.circumstances import Course, Scale
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Course, Hypothesis, Place, Scale
+from identnl_ros.core.discrepancy.effect import Hypothesis, Place
 from identnl_ros.core.discrepancy.features import Features
 from identnl_ros.core.discrepancy.library import EFFECTS
 from identnl_ros.core.discrepancy.rereading import reread

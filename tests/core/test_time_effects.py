@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects that depend on time: where they can be, what they add, how a stand looks with them."""
 
+from identnl_ros.core.discrepancy.circumstances import Course, Scale, Signals
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Course, Scale, Signals
 from identnl_ros.core.discrepancy.effects.drifting_stiffness import DriftingStiffness
 from identnl_ros.core.discrepancy.effects.sensor_drift import SensorDrift
 from identnl_ros.core.discrepancy.effects.unmeasured_periodic_force import (

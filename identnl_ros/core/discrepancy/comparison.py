@@ -9,9 +9,9 @@ linearised. The noise is white; averages over a few samples keep what the machin
 
 from dataclasses import dataclass, replace
 
+from identnl_ros.core.discrepancy.circumstances import Course, Scale, Signals
 from identnl_ros.core.discrepancy.consistent_motion import consistent_motion
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Course, Scale, Signals
 from identnl_ros.core.discrepancy.nominal_motion import corrected, NominalMotion
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.likelihood.likelihood_record import prepare, PreparedRecord

@@ -91,7 +91,7 @@ def _refined(finding: Finding, selection: Selection, present: SettledModel) -> F
         return finding
     hypotheses = [Hypothesis(effect, place, inner) for inner in finer]
     closer = Selection(selection.evidence, selection.scale, hypotheses, selection.generator)
-    best = closer.best(np.zeros(1))
+    best = closer.best(None)
     if best is None or best.gain < finding.gain:
         return finding
     return replace(

@@ -5,13 +5,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from identnl_ros.core.discrepancy.effect import (
-    AddedForce,
-    AddedPart,
-    ChangedMachine,
-    Course,
-    Hypothesis,
-)
+from identnl_ros.core.discrepancy.circumstances import Course
+from identnl_ros.core.discrepancy.effect import AddedForce, AddedPart, ChangedMachine, Hypothesis
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.force_derivatives import ForceDerivatives

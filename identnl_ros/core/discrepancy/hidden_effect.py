@@ -4,8 +4,9 @@
 
 from dataclasses import dataclass
 
+from identnl_ros.core.discrepancy.circumstances import Course, Scale
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Course, Effect, Hypothesis, Scale, SensorFault
+from identnl_ros.core.discrepancy.effect import Effect, Hypothesis, SensorFault
 from identnl_ros.core.discrepancy.features import Features
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.mechanics.assembly import assemble

@@ -4,8 +4,9 @@
 
 from collections.abc import Mapping, Sequence
 
+from identnl_ros.core.discrepancy.circumstances import Scale
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Effect, Hypothesis, Scale
+from identnl_ros.core.discrepancy.effect import Effect, Hypothesis
 from identnl_ros.core.discrepancy.effects.added_inertia import AddedInertia
 from identnl_ros.core.discrepancy.effects.added_mass import AddedMass
 from identnl_ros.core.discrepancy.effects.backlash import Backlash

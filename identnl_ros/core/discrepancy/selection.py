@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from identnl_ros.core.discrepancy.effect import Hypothesis, Scale, SensorFault
+from identnl_ros.core.discrepancy.circumstances import Scale
+from identnl_ros.core.discrepancy.effect import Hypothesis, SensorFault
 from identnl_ros.core.discrepancy.evidence import Evidence, real_rows, Remaining
 from identnl_ros.core.discrepancy.machine_columns import MachineColumns
 from identnl_ros.core.discrepancy.sensor_columns import SensorColumns
@@ -184,14 +185,14 @@ class Selection:
             if abs(gain - finding.gain) < SAME and one.effect is finding.hypothesis.effect
         ]
 
-    def best(self, null: Reals, excluded: Sequence[tuple[str, str]] = ()) -> Finding | None:
+    def best(self, null: Reals | None, excluded: Sequence[tuple[str, str]] = ()) -> Finding | None:
         """
         Find the hypothesis that explains most, if noise does not explain as much.
 
         Parameters
         ----------
-        null : ndarray
-            Of `null_maxima`.
+        null : ndarray or None
+            Of `null_maxima`; None: whatever explains most is given, with no probability (NaN).
         excluded : sequence of (str, str)
             Effects and places that are out of the question.
 
@@ -220,7 +221,7 @@ class Selection:
                 rivals.setdefault(one.key, one)
         if leader is None:
             return None
-        probability = tail(float(abs(scores[leader])), null)
+        probability = float('nan') if null is None else tail(float(abs(scores[leader])), null)
         if probability > FALSE_ALARM_RATE:
             return None
         return Finding(

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import ClassVar
 
+from identnl_ros.core.discrepancy.circumstances import Scale
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Place, Scale
+from identnl_ros.core.discrepancy.effect import Place
 from identnl_ros.core.discrepancy.effects.joint_element import JointElement
 from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.elements import Element, ELEMENT_KINDS

@@ -5,8 +5,9 @@
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
+from identnl_ros.core.discrepancy.circumstances import Course
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import AddedForce, Course, Place, Reals
+from identnl_ros.core.discrepancy.effect import AddedForce, Place, Reals
 from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.measured_force import cell_weights
 

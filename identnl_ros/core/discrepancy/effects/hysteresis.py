@@ -4,8 +4,9 @@
 
 from collections.abc import Mapping, Sequence
 
+from identnl_ros.core.discrepancy.circumstances import Scale
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Place, Scale
+from identnl_ros.core.discrepancy.effect import Place
 from identnl_ros.core.discrepancy.effects.element_effect import ElementEffect, Shares
 from identnl_ros.core.mechanics.joint_terms import EXPONENT
 

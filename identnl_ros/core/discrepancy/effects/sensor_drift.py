@@ -5,8 +5,9 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from identnl_ros.core.discrepancy.circumstances import Signals
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Place, Reals, Signals
+from identnl_ros.core.discrepancy.effect import Place, Reals
 from identnl_ros.core.discrepancy.effects.sensor_faults import OneSensor
 
 DRIFT_UNITS = {'m': 'm/s', 'm/s': 'm/s^2', 'm/s^2': 'm/s^3'}

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
+from identnl_ros.core.discrepancy.circumstances import Signals
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import Place, Reals, SensorFault, Signals
+from identnl_ros.core.discrepancy.effect import Place, Reals, SensorFault
 from identnl_ros.core.measurement.layout import SensorKind
 import numpy as np
 

@@ -5,8 +5,9 @@
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+from identnl_ros.core.discrepancy.circumstances import Course, Scale
 from identnl_ros.core.discrepancy.description import Description
-from identnl_ros.core.discrepancy.effect import AddedForce, Course, Place, Reals, Scale
+from identnl_ros.core.discrepancy.effect import AddedForce, Place, Reals
 from identnl_ros.core.mechanics.coefficients import Coefficient
 from identnl_ros.core.mechanics.kinematics import body_motion, Coordinate
 from identnl_ros.core.mechanics.machine import Body

@@ -14,6 +14,7 @@ import fcntl
 import itertools
 import os
 from pathlib import Path
+import signal
 import tempfile
 
 import pytest
@@ -21,6 +22,10 @@ import pytest
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # ROS wants a folder for its logs, also where no home folder is set.
 os.environ.setdefault('ROS_LOG_DIR', str(Path(tempfile.gettempdir()) / 'identnl_ros_test_logs'))
+
+# A shell lets what it runs in the background ignore interrupts; processes of tests inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 FIRST_DOMAIN = 1
 LAST_DOMAIN = 101  # the ports of higher domains overlap Linux's range of ephemeral ports

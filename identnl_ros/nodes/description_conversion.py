@@ -24,11 +24,13 @@ def description_to_message(description: StandDescription) -> StandDescriptionMes
     identnl_msgs.msg.StandDescription
 
     """
+    down_x, down_y, down_z = (float(value) for value in description.layout.gravity)
     return StandDescriptionMessage(
         header=to_header(description.stamp_ns),
         stand=description.stand,
         stream_id=description.stream_id,
         sample_rate=description.sample_rate,
+        gravity=Vector3(x=down_x, y=down_y, z=down_z),
         channels=[_to_channel(sensor) for sensor in description.layout.sensors],
         machine_file=description.machine_text,
         layout_file=description.layout_text,
@@ -51,6 +53,11 @@ def _to_channel(sensor: Sensor) -> ChannelDescription:
         column=sensor.column,
         gain=float(sensor.gain),
         offset=float(sensor.offset),
+        drift=float(sensor.drift),
+        full_scale=float(sensor.full_scale),
+        reads_gravity=sensor.reads_gravity,
+        front_mass=float(sensor.front_mass),
         delay=float(sensor.delay),
+        resolution=float(sensor.resolution),
         noise_standard_deviation=float(sensor.noise),
     )

@@ -21,6 +21,7 @@ from identnl_ros.core.mechanics.machine import (
     DEGREES_OF_FREEDOM,
     ExcitationPoint,
     Machine,
+    STANDARD_GRAVITY,
 )
 from identnl_ros.core.mechanics.periodic_force import PeriodicForce
 from identnl_ros.core.mechanics.ties import declared_numbers, roots_of, with_inner_ties
@@ -58,8 +59,6 @@ from pydantic import (
     PlainValidator,
     ValidationInfo,
 )
-
-STANDARD_GRAVITY = (0.0, 0.0, -9.80665)  # [m/s^2]
 
 _FORCE = Quantity('N', 'a force such as "100 daN"')
 _MOMENT = Quantity('N*m', 'a moment such as "2 N*m"')

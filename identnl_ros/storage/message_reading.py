@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+import math
 import struct
 from types import SimpleNamespace
 from typing import TypeVar
@@ -17,8 +18,10 @@ from identnl_ros.core.estimation.estimate import (
 )
 from identnl_ros.core.measurement.blocks import NANOSECONDS, SampleBlock
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.mechanics.machine import STANDARD_GRAVITY
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
+from numpy.typing import NDArray
 
 _Member = TypeVar('_Member', bound=Enum)
 
@@ -162,6 +165,7 @@ def description_from_message(message: SimpleNamespace) -> StandDescription:
             tuple(_sensor(channel) for channel in message.channels),
             message.stand,
             message.sample_rate,
+            _gravity(message),
         )
     except LayoutError as error:
         raise DataError(f'the description of stand {message.stand} is unsound: {error}') from None
@@ -246,9 +250,20 @@ def _sensor(channel: SimpleNamespace) -> Sensor:
         recorded_unit=channel.recorded_unit,
         gain=channel.gain,
         offset=channel.offset,
+        # bags recorded before these fields were there do not have them
+        drift=getattr(channel, 'drift', 0.0),
+        full_scale=getattr(channel, 'full_scale', math.nan),
+        reads_gravity=getattr(channel, 'reads_gravity', False),
+        front_mass=getattr(channel, 'front_mass', 0.0),
         delay=channel.delay,
+        resolution=getattr(channel, 'resolution', 0.0),
         noise=channel.noise_standard_deviation,
     )
+
+
+def _gravity(message: SimpleNamespace) -> NDArray[np.float64]:
+    vector = getattr(message, 'gravity', None)
+    return np.array(STANDARD_GRAVITY if vector is None else (vector.x, vector.y, vector.z))
 
 
 def _parameter(message: SimpleNamespace) -> ParameterEstimate:

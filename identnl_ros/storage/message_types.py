@@ -168,6 +168,9 @@ def encode_description(description: StandDescription) -> bytes:
         stand=description.stand,
         stream_id=description.stream_id,
         sample_rate=float(description.sample_rate),
+        gravity=typestore().types['geometry_msgs/msg/Vector3'](
+            *map(float, description.layout.gravity)
+        ),
         channels=[_channel(sensor) for sensor in description.layout.sensors],
         machine_file=description.machine_text,
         layout_file=description.layout_text,
@@ -191,7 +194,12 @@ def _channel(sensor: Sensor) -> Any:
         column=sensor.column,
         gain=float(sensor.gain),
         offset=float(sensor.offset),
+        drift=float(sensor.drift),
+        full_scale=float(sensor.full_scale),
+        reads_gravity=sensor.reads_gravity,
+        front_mass=float(sensor.front_mass),
         delay=float(sensor.delay),
+        resolution=float(sensor.resolution),
         noise_standard_deviation=float(sensor.noise),
     )
 

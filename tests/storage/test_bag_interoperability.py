@@ -75,7 +75,7 @@ def example_message(name, header):
 
     def fill(kind):
         if kind.endswith('[]'):
-            numbers = {'float64': np.float64, 'uint8': np.uint8}
+            numbers = {name: np.dtype(name) for name in ('float64', 'uint8', 'uint16', 'uint32')}
             base = kind[:-2]
             if base in numbers:
                 return np.arange(next(counter), dtype=numbers[base])

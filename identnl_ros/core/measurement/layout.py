@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from identnl_ros.core.errors import LayoutError
+from identnl_ros.core.mechanics.machine import STANDARD_GRAVITY
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,6 +67,8 @@ class Sensor:
         Recorded value at zero [recorded unit].
     drift : float
         Growth of the offset since the begin of the stream [recorded unit per s].
+    full_scale : float
+        Recorded values of at least this size are saturated [recorded unit]; NaN: not known.
     delay : float
         The recorded value shows the quantity this long before its time stamp [s].
     noise : float
@@ -74,6 +77,12 @@ class Sensor:
         Step of the analogue-to-digital conversion [SI unit]; 0: none.
     dropout_probability : float
         Chance that a sample is lost, used by the simulated stand [-].
+    reads_gravity : bool
+        Acceleration only: the sensor measures specific force, that is acceleration minus
+        gravity, as an accelerometer that responds to constant acceleration does.
+    front_mass : float
+        Force only: mass between the sensing element and the structure, which moves with the
+        structure [kg].
 
     Raises
     ------
@@ -98,6 +107,9 @@ class Sensor:
     noise: float = float('nan')
     resolution: float = 0.0
     dropout_probability: float = 0.0
+    full_scale: float = float('nan')
+    reads_gravity: bool = False
+    front_mass: float = 0.0
 
     def __post_init__(self) -> None:
         """Check ranges, normalise the direction, fill in defaults."""
@@ -141,6 +153,22 @@ class Sensor:
             raise LayoutError(
                 f'{where}: dropout_probability is {self.dropout_probability}, '
                 'expected at least 0 and less than 1'
+            )
+        if self.full_scale <= 0 or np.isinf(self.full_scale):
+            raise LayoutError(
+                f'{where}: full_scale is {self.full_scale}, expected a positive number'
+            )
+        if self.reads_gravity and self.kind is not SensorKind.ACCELERATION:
+            raise LayoutError(
+                f'{where}: only an accelerometer can read gravity, found kind {self.kind.value}'
+            )
+        if not (np.isfinite(self.front_mass) and self.front_mass >= 0):
+            raise LayoutError(
+                f'{where}: front_mass is {self.front_mass} kg, expected 0 or a positive number'
+            )
+        if self.front_mass and self.kind is not SensorKind.FORCE:
+            raise LayoutError(
+                f'{where}: only a force sensor has a mass in front, found kind {self.kind.value}'
             )
         object.__setattr__(self, 'column', self.column or self.name)
         object.__setattr__(self, 'recorded_unit', self.recorded_unit or self.kind.unit)
@@ -200,6 +228,8 @@ class Layout:
         Name of the stand.
     sample_rate : float or None
         Sample rate of recorded files that do not tell it themselves [Hz].
+    gravity : ndarray, shape (3,)
+        Gravitational acceleration in the machine frame, for sensors that read it [m/s^2].
 
     Raises
     ------
@@ -211,6 +241,7 @@ class Layout:
     sensors: tuple[Sensor, ...]
     stand: str = 'stand'
     sample_rate: float | None = None
+    gravity: NDArray[np.float64] = field(default_factory=lambda: np.array(STANDARD_GRAVITY))
 
     def __post_init__(self) -> None:
         """Check what every consumer relies on."""
@@ -220,6 +251,8 @@ class Layout:
         for name in names:
             if names.count(name) > 1:
                 raise LayoutError(f'layout: two sensors are called {name}; names must differ')
+        if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
+            raise LayoutError('layout: gravity must be three finite numbers')
         if self.sample_rate is not None and not (
             np.isfinite(self.sample_rate) and self.sample_rate > 0
         ):

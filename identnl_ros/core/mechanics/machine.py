@@ -10,6 +10,8 @@ from identnl_ros.core.mechanics.periodic_force import PeriodicForce
 import numpy as np
 from numpy.typing import NDArray
 
+STANDARD_GRAVITY = (0.0, 0.0, -9.80665)  # machine frame, z upwards [m/s^2]
+
 DEGREES_OF_FREEDOM = (
     'translation_1',
     'translation_2',

@@ -96,7 +96,7 @@ lock:
 	$(VENV)/lock/bin/pip --quiet install uv && \
 	UV_CUSTOM_COMPILE_COMMAND='make lock' $(VENV)/lock/bin/uv pip compile --quiet --upgrade \
 	    --python-version 3.11 --python-platform linux --no-emit-index-url --extra formats \
-	    --extra test --output-file requirements.lock setup.py requirements.in
+	    --extra nidaqmx --extra opendaq --extra test --output-file requirements.lock setup.py requirements.in
 	@rm -rf $(VENV)/lock
 
 clean:

@@ -118,6 +118,9 @@ setup(
     extras_require={
         # files of other programs: HDF5 and MATLAB 7.3, TDMS, Parquet
         'formats': ['h5py', 'npTDMS', 'pyarrow'],
+        # acquisition devices
+        'nidaqmx': ['nidaqmx'],
+        'opendaq': ['opendaq'],
         'test': ['mypy', 'pytest', 'pytest-timeout', 'pytest-xdist', 'pyuff', 'ruff'],
     },
     cmdclass=commands(),

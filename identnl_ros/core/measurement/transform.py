@@ -73,6 +73,7 @@ class MotionTransform:
         self._layout = layout_without(layout, self._ignored)
         self._map = _map_without(model, layout, sample_rate, self._ignored)
         self._losses = ChannelLosses(len(self._kept), sample_rate)
+        self._costs: dict[frozenset[int], str] = {}
         self._aligners = [Aligner(one.delay * sample_rate) for one in self._layout.sensors]
         self._stated_noise = np.array([sensor.noise for sensor in self._layout.sensors])
         self._noise_estimate = NoiseEstimate(len(self._kept))
@@ -113,17 +114,18 @@ class MotionTransform:
         """What sensors without readings for long, or ignored, have cost so far, in sentences."""
         sentences = []
         if self._ignored:
-            noise = np.full(len(self._given.sensors), np.nan)
+            noise = np.array([sensor.noise for sensor in self._given.sensors])
             noise[self._kept] = self._noise
-            for channel in self._ignored:
-                noise[channel] = self._given.sensors[channel].noise
             cost = cost_of(self._model, self._given, self._rate, self._ignored, noise)
             sentences.append(sentence_of_ignored(self._given, self._ignored, cost))
         for lost, samples in self._losses.together.items():
-            cost = cost_of(self._model, self._layout, self._rate, lost, self._noise)
+            if lost not in self._costs or self.noise_estimated:
+                self._costs[lost] = cost_of(
+                    self._model, self._layout, self._rate, lost, self._noise
+                )
             total = self._losses.samples
             sentences.append(
-                sentence_of_loss(self._layout, lost, cost, samples, total, self._rate)
+                sentence_of_loss(self._layout, lost, self._costs[lost], samples, total, self._rate)
             )
         return (*sentences, *sentences_of_unseen(self._model, self._unseen, self._instants))
 

@@ -39,6 +39,12 @@ if TYPE_CHECKING:
     'sensors of a kind, e.g. acceleration.delay; may be repeated.',
 )
 @click.option(
+    '--without',
+    multiple=True,
+    metavar='SENSOR',
+    help='Do not use this sensor; may be repeated.',
+)
+@click.option(
     '--bounded',
     is_flag=True,
     help='Keep stiffness, damping, mass, preload and exponent from being negative.',
@@ -49,6 +55,7 @@ def command(
     machine: Path | None,
     estimator: str,
     unknowns: tuple[str, ...],
+    without: tuple[str, ...],
     bounded: bool,
 ) -> Outcome:
     """
@@ -62,7 +69,7 @@ def command(
     from identnl_ros.sources.offline import identify_bags
     from identnl_ros.storage.bag_reader import open_bag
 
-    result = identify_bags(bags, machine, estimator, unknowns)
+    result = identify_bags(bags, machine, estimator, unknowns, without)
     truth = _truth(open_bag(bags[0]).metadata('identnl.truth'))
     estimate = within_physical_bounds(result.estimate) if bounded else result.estimate
     remarks = _remarks(result.losses)
@@ -91,6 +98,7 @@ def _remarks(losses: 'Losses') -> list[str]:
             f'{name}: {count} samples without a valid reading'
             for name, count in losses.readings.items()
         ),
+        *losses.degradation,
     ]
     if losses.samples:
         remarks.append(f'{losses.samples} samples are missing between the blocks')

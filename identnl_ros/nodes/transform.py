@@ -13,17 +13,25 @@ from identnl_ros.core.measurement.transform import MotionTransform
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumer_node import ConsumerNode
 from identnl_ros.nodes.conversions import block_from_message, motion_to_message
-from identnl_ros.nodes.diagnosis import Health
+from identnl_ros.nodes.diagnosis import Health, Level
+from identnl_ros.nodes.parameters import Setting
 from identnl_ros.nodes.running import run
 from identnl_ros.storage.stand_description import StandDescription
 from rclpy.duration import Duration
 
 CONFIRMATION_TIME = 0.5  # [s]
 
+IGNORED = Setting(
+    'ignored_sensors',
+    [''],
+    'Sensors that are not to be used, by name; an empty name counts for nothing.',
+)
+
 
 class Transform(ConsumerNode):
     """Consumes `samples`, publishes `motion`."""
 
+    settings: ClassVar[tuple[Setting, ...]] = (*ConsumerNode.settings, IGNORED)
     topic: ClassVar[str] = 'samples'
     message_type: ClassVar[type] = SampleBlockMessage
     type_name: ClassVar[str] = 'identnl_msgs/msg/SampleBlock'
@@ -50,7 +58,10 @@ class Transform(ConsumerNode):
     def open(self, description: StandDescription) -> None:
         self._transform = None
         self._transform = MotionTransform(
-            self.model(description), description.layout, description.sample_rate
+            self.model(description),
+            description.layout,
+            description.sample_rate,
+            [name for name in self.setting(IGNORED.name) if name],
         )
         if self._transform.derived:
             self.get_logger().info(
@@ -78,6 +89,8 @@ class Transform(ConsumerNode):
             for name, count in self._transform.counts.samples_without_reading.items():
                 readings.values[f'missing readings of {name}'] = count
                 readings.warn_of(count, f'readings of {name} are missing (NaN)')
+            for sentence in self._transform.degradation:
+                readings.add(Level.WARN, sentence)
         return [*super().diagnose(), readings]
 
     @staticmethod

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification from bags: the nodes' code without the nodes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -13,10 +13,12 @@ from identnl_ros.core.estimation.estimate import Estimate
 from identnl_ros.core.estimation.identifier import identifier_for
 from identnl_ros.core.likelihood.likelihood_estimate import likelihood_estimate
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
+from identnl_ros.core.measurement.degradation import layout_without
 from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.measurement.observation import observe_force
 from identnl_ros.core.measurement.sensor_unknown import sensor_unknown
-from identnl_ros.core.measurement.transform import MotionTransform
+from identnl_ros.core.measurement.transform import channels_of, MotionTransform
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
@@ -42,6 +44,8 @@ class Losses:
         Repeated, late or from another source.
     readings : dict of str to int
         Samples without a valid reading, by channel.
+    degradation : list of str
+        What sensors that were lost or ignored have cost, in sentences.
     problems : list of str
         Damage found in the bags, in sentences.
 
@@ -50,6 +54,7 @@ class Losses:
     samples: int = 0
     blocks: int = 0
     readings: dict[str, int] = field(default_factory=dict)
+    degradation: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
     def add(self, transform: MotionTransform) -> None:
@@ -66,6 +71,7 @@ class Losses:
         self.blocks += follower.repeated_blocks + follower.foreign_blocks
         for name, count in transform.counts.samples_without_reading.items():
             self.readings[name] = self.readings.get(name, 0) + count
+        self.degradation += transform.degradation
 
 
 @dataclass(frozen=True)
@@ -122,6 +128,7 @@ def identify_bags(
     machine_path: Path | None = None,
     estimator: str = 'weak',
     sensor_unknowns: Sequence[str] = (),
+    without: Collection[str] = (),
 ) -> BagIdentification:
     """
     Identify a machine from all samples of some bags.
@@ -136,6 +143,8 @@ def identify_bags(
         ``weak``, ``pointwise`` or ``likelihood``.
     sensor_unknowns : sequence of str
         For the likelihood only: what else to estimate, e.g. ``acceleration.delay``.
+    without : collection of str
+        Names of sensors that are not to be used.
 
     Returns
     -------
@@ -151,25 +160,27 @@ def identify_bags(
     model = assemble(machine_of_bag(bags[0], machine_path))
     losses = Losses()
     if estimator == 'likelihood':
-        estimate = _likelihood(bags, model, sensor_unknowns, losses)
+        estimate = _likelihood(bags, model, sensor_unknowns, without, losses)
     else:
         if sensor_unknowns:
             raise DataError(
                 f'unknown {sensor_unknowns[0]}: the {estimator} estimator takes the sensors as '
                 'the layout describes them; use --estimator likelihood'
             )
-        estimate = _streamed(bags, model, estimator, losses)
+        estimate = _streamed(bags, model, estimator, without, losses)
     for bag in bags:
         losses.problems += bag.problems
     return BagIdentification(model.machine, estimate, losses)
 
 
-def _streamed(bags: Sequence[Bag], model: Model, estimator: str, losses: Losses) -> Estimate:
+def _streamed(
+    bags: Sequence[Bag], model: Model, estimator: str, without: Collection[str], losses: Losses
+) -> Estimate:
     identifier = identifier_for(model, estimator)
     for bag in bags:
         for stream in bag.streams:
             with _fitting(bag, model):
-                transform = MotionTransform(model, stream.layout, stream.sample_rate)
+                transform = MotionTransform(model, stream.layout, stream.sample_rate, without)
             for block in bag.blocks(stream.stream_id):
                 motion = transform.add(block)
                 if motion is not None:
@@ -185,13 +196,17 @@ def _streamed(bags: Sequence[Bag], model: Model, estimator: str, losses: Losses)
 
 
 def _likelihood(
-    bags: Sequence[Bag], model: Model, sensor_unknowns: Sequence[str], losses: Losses
+    bags: Sequence[Bag],
+    model: Model,
+    sensor_unknowns: Sequence[str],
+    without: Collection[str],
+    losses: Losses,
 ) -> Estimate:
     unknowns = tuple(
         sensor_unknown(label, [stream.layout for bag in bags for stream in bag.streams])
         for label in sensor_unknowns
     )
-    records = [record for bag in bags for record in _records(bag, losses)]
+    records = [record for bag in bags for record in _records(bag, model, without, losses)]
     if not records:
         raise DataError(
             f'{bags[0].path}: no run of samples without a gap is long enough to be simulated'
@@ -200,9 +215,17 @@ def _likelihood(
         return likelihood_estimate(model, records, unknowns)
 
 
-def _records(bag: Bag, losses: Losses) -> Iterator[MeasuredRecord]:
+def _records(
+    bag: Bag, model: Model, without: Collection[str], losses: Losses
+) -> Iterator[MeasuredRecord]:
     """Cut a bag at its gaps, and where the force is missing."""
     for stream in bag.streams:
+        with _fitting(bag, model):
+            ignored = channels_of(stream.layout, without)
+            layout = layout_without(stream.layout, ignored)
+            # What is left must tell the force; more is not needed.
+            observe_force(model, layout)
+        kept = [i for i in range(len(stream.layout.sensors)) if i not in ignored]
         follower = StreamFollower()
         parts: list[NDArray[np.float64]] = []
         runs: list[NDArray[np.float64]] = []
@@ -218,23 +241,21 @@ def _records(bag: Bag, losses: Losses) -> Iterator[MeasuredRecord]:
                 parts = []
             if not parts:
                 begins.append(block.first_index)
-            parts.append(block.samples)
+            parts.append(block.samples[:, kept])
         if parts:
             runs.append(np.concatenate(parts))
         losses.samples += follower.lost_samples
         losses.blocks += follower.repeated_blocks + follower.foreign_blocks
-        forces = list(stream.layout.of_kind(SensorKind.FORCE))
+        forces = list(layout.of_kind(SensorKind.FORCE))
         for begin, run in zip(begins, runs, strict=True):
-            for number, sensor in enumerate(stream.layout.sensors):
+            for number, sensor in enumerate(layout.sensors):
                 if lost := int(np.isnan(run[:, number]).sum()):
                     losses.readings[sensor.name] = losses.readings.get(sensor.name, 0) + lost
             missing = np.flatnonzero(~np.isfinite(run[:, forces]).all(axis=1))
             for first, end in pairwise([-1, *missing.tolist(), len(run)]):
                 if end - first - 1 >= SHORTEST_RUN:
                     part = run[first + 1 : end]
-                    yield MeasuredRecord(
-                        stream.layout, stream.sample_rate, part, begin + first + 1
-                    )
+                    yield MeasuredRecord(layout, stream.sample_rate, part, begin + first + 1)
 
 
 @contextmanager

@@ -6,9 +6,10 @@ from dataclasses import replace
 from itertools import pairwise
 
 from identnl_ros.core.errors import DataError, LayoutError
+from identnl_ros.core.measurement.alignment import HALF_WIDTH
 from identnl_ros.core.measurement.layout import Layout, SensorKind
 from identnl_ros.core.measurement.observation import sensor_matrix
-from identnl_ros.core.measurement.transform import HALF_WIDTH, MotionTransform
+from identnl_ros.core.measurement.transform import MotionTransform
 from identnl_ros.core.mechanics.assembly import assemble
 import numpy as np
 import pytest

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Uninterrupted runs of measured motion, kept for estimators that go over them more than once."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -13,6 +14,58 @@ Reals = NDArray[np.float64]
 
 # Samples over which a straight line may replace the motion in a rough estimate.
 LONGEST_BRIDGE = 16
+
+
+@dataclass(frozen=True)
+class NoiseSpan:
+    """
+    Consecutive instants whose noise is not that of the beginning of their record.
+
+    Parameters
+    ----------
+    first_index, end_index : int
+        From the first up to, not including, the end; indices of the stream.
+    covariances : tuple of 3 ndarray, shape (n_coordinates, n_coordinates)
+        Of displacement, velocity and acceleration at one sample.
+
+    """
+
+    first_index: int
+    end_index: int
+    covariances: tuple[Reals, Reals, Reals]
+
+    def precedes(self, other: 'NoiseSpan') -> bool:
+        """
+        Tell whether another one goes on with the same noise.
+
+        Parameters
+        ----------
+        other : NoiseSpan
+
+        Returns
+        -------
+        bool
+
+        """
+        return self.end_index == other.first_index and same_noise(
+            self.covariances, other.covariances
+        )
+
+
+def same_noise(one: Sequence[Reals], other: Sequence[Reals]) -> bool:
+    """
+    Compare covariances; unknown ones are alike.
+
+    Parameters
+    ----------
+    one, other : sequence of ndarray
+
+    Returns
+    -------
+    bool
+
+    """
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one, other, strict=True))
 
 
 @dataclass(frozen=True)
@@ -30,6 +83,8 @@ class MotionRecord:
         Of every exciter, finite [N].
     first_index : int
         Index of the first sample in its stream, which begins with index 0.
+    spans : tuple of NoiseSpan
+        Where the noise is not that of the beginning: sensors had no readings, or have them again.
 
     """
 
@@ -39,6 +94,7 @@ class MotionRecord:
     acceleration: Reals
     force: Reals
     first_index: int = 0
+    spans: tuple[NoiseSpan, ...] = ()
 
     def __len__(self) -> int:
         """Count the samples."""
@@ -59,7 +115,34 @@ class MotionRecord:
 
         """
         part = self._with(*(table[first:end] for table in self._tables))
-        return replace(part, first_index=self.first_index + first)
+        begin, last = self.first_index + first, self.first_index + min(end, len(self))
+        spans = [
+            replace(
+                span,
+                first_index=max(span.first_index, begin),
+                end_index=min(span.end_index, last),
+            )
+            for span in self.spans
+            if span.first_index < last and begin < span.end_index
+        ]
+        return replace(part, first_index=begin, spans=tuple(spans))
+
+    def with_noise(self, covariances: tuple[Reals, Reals, Reals]) -> 'MotionRecord':
+        """
+        State the noise of all instants.
+
+        Parameters
+        ----------
+        covariances : tuple of 3 ndarray, shape (n_coordinates, n_coordinates)
+            Of displacement, velocity and acceleration at one sample.
+
+        Returns
+        -------
+        MotionRecord
+
+        """
+        span = NoiseSpan(self.first_index, self.first_index + len(self), covariances)
+        return replace(self, spans=(span,))
 
     def followed_by(self, *others: 'MotionRecord') -> 'MotionRecord':
         """
@@ -76,7 +159,14 @@ class MotionRecord:
 
         """
         tables = zip(self._tables, *(other._tables for other in others), strict=True)
-        return self._with(*(np.concatenate(parts) for parts in tables))
+        spans: list[NoiseSpan] = []
+        for span in (one for record in (self, *others) for one in record.spans):
+            if spans and spans[-1].precedes(span):
+                spans[-1] = replace(spans[-1], end_index=span.end_index)
+            else:
+                spans.append(span)
+        whole = self._with(*(np.concatenate(parts) for parts in tables))
+        return replace(whole, spans=tuple(spans))
 
     @property
     def time(self) -> Reals:

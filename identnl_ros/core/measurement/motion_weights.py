@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Weights that make the noise of measured motion white and of unit size."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 Reals = NDArray[np.float64]
+Whitening = tuple[int, int, tuple[tuple[int, Reals], ...]]
 
 # A sensor stated to be perfect is taken to be good to this fraction of what it shows.
 PERFECT = 1e-6
@@ -59,6 +60,47 @@ class MotionWeights:
         """Place of every measured quantity among all that could be measured."""
         n = self.matrices[0][1].shape[1]
         return np.concatenate([kind * n + np.arange(len(one)) for kind, one in self.matrices])
+
+    def whitening(self, record: MotionRecord, first: int, end: int) -> Iterator[Whitening]:
+        """
+        Give the weights along a record: where its noise is another one, others.
+
+        Parameters
+        ----------
+        record : MotionRecord
+        first, end : int
+            The samples wanted.
+
+        Yields
+        ------
+        int, int
+            From a sample of those wanted up to, not including, another one.
+        tuple of (int, ndarray)
+            The matrices there.
+
+        """
+        place = first
+        # Where sensors are taken to be better than they can be, that does not change.
+        for span in () if self.perfect else record.spans:
+            begin, stop = (
+                min(max(index - record.first_index, place), end)
+                for index in (span.first_index, span.end_index)
+            )
+            if begin > place:
+                yield place - first, begin - first, self.matrices
+            if stop > begin:
+                yield begin - first, stop - first, self._for_noise(span.covariances)
+            place = stop
+        if place < end:
+            yield place - first, end - first, self.matrices
+
+    def _for_noise(self, covariances: Sequence[Reals]) -> tuple[tuple[int, Reals], ...]:
+        """Whiten the same motions under another noise."""
+        matrices = []
+        for kind, matrix in self.matrices:
+            square = matrix @ covariances[kind] @ matrix.T
+            matrices.append((kind, np.linalg.solve(np.linalg.cholesky(square), matrix)))
+        return tuple(matrices)
 
     @classmethod
     def of(

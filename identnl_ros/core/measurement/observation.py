@@ -30,6 +30,12 @@ class Observation:
         Projector on the motions that these sensors determine.
     unseen : tuple of str
         Coordinates, in words, that these sensors do not determine.
+    rows : ndarray, shape (n_channels, n_unknowns)
+        Readings per unit of what is fitted to them: coordinates, or forces of the exciters.
+    weights : ndarray, shape (n_channels,)
+        Of the readings in the fit.
+    basis : ndarray, shape (n_coordinates, n_unknowns)
+        Coordinates, or generalised force, per unit of what is fitted.
 
     """
 
@@ -37,6 +43,9 @@ class Observation:
     matrix: NDArray[np.float64]
     seen: NDArray[np.float64]
     unseen: tuple[str, ...]
+    rows: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    basis: NDArray[np.float64]
 
     def covariance(self, variance: NDArray[np.float64]) -> NDArray[np.float64]:
         """
@@ -124,7 +133,8 @@ def observe_motion(model: Model, layout: Layout, kind: SensorKind) -> Observatio
     lengths[lengths == 0] = 1.0
     inverse = np.linalg.pinv(scaled / lengths, rcond=SEEING_TOLERANCE)
     matrix = inverse / lengths[:, np.newaxis] * weights
-    return Observation(channels, matrix, matrix @ rows, unseen)
+    basis = np.eye(rows.shape[1])
+    return Observation(channels, matrix, matrix @ rows, unseen, rows, weights, basis)
 
 
 def observe_force(model: Model, layout: Layout) -> Observation:
@@ -171,7 +181,10 @@ def observe_force(model: Model, layout: Layout) -> Observation:
                 f'{model.machine.name}; add one, or remove the excitation from the machine file'
             )
         matrix += np.outer(direction, share / share.sum())
-    return Observation(channels, matrix, np.eye(len(matrix)), ())
+    rows = np.array([[float(sensor.excitation == name) for name in names] for sensor in sensors])
+    basis = np.asarray(model.excitation_directions).T
+    rows = rows.reshape(len(sensors), len(names))
+    return Observation(channels, matrix, np.eye(len(matrix)), (), rows, weights, basis)
 
 
 def _weights(sensors: tuple[Sensor, ...], kind: SensorKind) -> NDArray[np.float64]:

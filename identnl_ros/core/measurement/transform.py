@@ -2,21 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sensor blocks to body motion, streaming: the paper's step II."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 
 from identnl_ros.core.errors import DataError, LayoutError
-from identnl_ros.core.measurement.blocks import MotionBlock, SampleBlock, stamp_after
+from identnl_ros.core.measurement.alignment import Aligner
+from identnl_ros.core.measurement.blocks import MOTION, MotionBlock, SampleBlock, stamp_after
+from identnl_ros.core.measurement.channel_losses import ChannelLosses
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
-from identnl_ros.core.measurement.layout import Layout, SensorKind
+from identnl_ros.core.measurement.degradation import (
+    cost_of,
+    layout_without,
+    sentence_of_ignored,
+    sentence_of_loss,
+    sentences_of_unseen,
+)
+from identnl_ros.core.measurement.layout import Layout
+from identnl_ros.core.measurement.motion_map import MotionMap
 from identnl_ros.core.measurement.noise import NoiseEstimate
-from identnl_ros.core.measurement.observation import Observation, observe_force, observe_motion
-from identnl_ros.core.measurement.stencils import stencil
 from identnl_ros.core.mechanics.model import Model
 import numpy as np
 from numpy.typing import NDArray
-
-# Differences over 17 samples: exact to 3e-9 up to a tenth of the sample rate.
-HALF_WIDTH = 8
 
 
 @dataclass
@@ -34,7 +41,8 @@ class MotionTransform:
     Known sensor delays are taken out by interpolation. Velocity and acceleration come from the
     sensors of these kinds; what those cannot see is the first or second derivative of the
     displacement. Samples near the ends of an uninterrupted run for which there is no
-    interpolation or derivative are not given out.
+    interpolation or derivative are not given out. Where a sensor has no valid reading, the others
+    of its kind tell the motion as far as they can; `degradation` says what that cost.
 
     Parameters
     ----------
@@ -42,57 +50,54 @@ class MotionTransform:
     layout : Layout
     sample_rate : float
         [Hz].
+    without : collection of str
+        Names of sensors that are not to be used.
 
     Raises
     ------
     LayoutError
-        If the sensors do not fit the machine or do not see every coordinate.
+        If the sensors do not fit the machine or do not see every coordinate, or one that is not
+        to be used does not exist.
 
     """
 
-    def __init__(self, model: Model, layout: Layout, sample_rate: float) -> None:
+    def __init__(
+        self, model: Model, layout: Layout, sample_rate: float, without: Collection[str] = ()
+    ) -> None:
         self._model = model
-        self._layout = layout
+        self._given = layout
         self._rate = sample_rate
-        self._aligners = [_Aligner(sensor.delay * sample_rate) for sensor in layout.sensors]
-        self._displacement = observe_motion(model, layout, SensorKind.DISPLACEMENT)
-        if self._displacement.unseen:
-            raise LayoutError(
-                f'layout: the displacement sensors cannot see '
-                f'{", ".join(self._displacement.unseen)}; add or move sensors '
-                '(displacement is needed, with its constant part)'
-            )
-        self._velocity, self._acceleration = (
-            _Rate(
-                observe_motion(model, layout, kind),
-                self._displacement,
-                stencil(order, 0.0, HALF_WIDTH) * sample_rate**order,
-            )
-            for order, kind in ((1, SensorKind.VELOCITY), (2, SensorKind.ACCELERATION))
-        )
-        self._force = observe_force(model, layout)
-        derived = self._velocity.derived or self._acceleration.derived
-        # Samples around an instant that its derivatives need, and that alignment needs.
-        self._margin = HALF_WIDTH if derived else 0
-        self._reach = self._margin + max(aligner.reach for aligner in self._aligners)
-        self._correlations = {
-            orders: np.array([aligner.correlation(*orders) for aligner in self._aligners])
-            for orders in ((0, 0), (1, 1), (2, 2), (0, 2))
-        }
-        self._stated_noise = np.array([sensor.noise for sensor in layout.sensors])
-        self._noise_estimate = NoiseEstimate(len(layout.sensors))
-        self._update_covariances()
+        self._ignored = channels_of(layout, without)
+        self._kept = [i for i in range(len(layout.sensors)) if i not in self._ignored]
+        # Sensors that are not used are as if they did not exist.
+        self._layout = layout_without(layout, self._ignored)
+        self._map = _map_without(model, layout, sample_rate, self._ignored)
+        self._losses = ChannelLosses(len(self._kept), sample_rate)
+        self._costs: dict[frozenset[int], str] = {}
+        self._aligners = [Aligner(one.delay * sample_rate) for one in self._layout.sensors]
+        self._stated_noise = np.array([sensor.noise for sensor in self._layout.sensors])
+        self._noise_estimate = NoiseEstimate(len(self._kept))
+        self._reach_out()
+        self._covariances = self._usual_covariances
         self.follower = StreamFollower(replays=True)
         self.counts = TransformCounts()
-        self._buffer = np.empty((0, len(layout.sensors)))
+        self._unseen = [np.zeros(len(model.coordinates), np.int_) for _ in MOTION]
+        self._instants = 0
+        self._buffer = np.empty((0, len(self._kept)))
         self._buffer_index = 0
         self._next_output = 0
+
+    def _reach_out(self) -> None:
+        """Find what follows from what is derived: samples around an instant, covariances."""
+        self._usual_covariances = self._map.covariances(self._noise, self._map.usual)
+        self._margin = self._map.margin
+        self._reach = self._margin + max(aligner.reach for aligner in self._aligners)
 
     @property
     def derived(self) -> tuple[str, ...]:
         """Quantities that are, at least partly, derivatives of the displacement."""
-        rates = (('velocity', self._velocity), ('acceleration', self._acceleration))
-        return tuple(name for name, rate in rates if rate.derived)
+        rates = zip(('velocity', 'acceleration'), self._map.derived, strict=True)
+        return tuple(name for name, derived in rates if derived)
 
     @property
     def noise_estimated(self) -> bool:
@@ -103,6 +108,26 @@ class MotionTransform:
     def displacement_covariance(self) -> NDArray[np.float64]:
         """Of the coordinates at one sample; NaN while a noise is neither stated nor known."""
         return self._covariances[0]
+
+    @property
+    def degradation(self) -> tuple[str, ...]:
+        """What sensors without readings for long, or ignored, have cost so far, in sentences."""
+        sentences = []
+        if self._ignored:
+            noise = np.array([sensor.noise for sensor in self._given.sensors])
+            noise[self._kept] = self._noise
+            cost = cost_of(self._model, self._given, self._rate, self._ignored, noise)
+            sentences.append(sentence_of_ignored(self._given, self._ignored, cost))
+        for lost, samples in self._losses.together.items():
+            if lost not in self._costs or self.noise_estimated:
+                self._costs[lost] = cost_of(
+                    self._model, self._layout, self._rate, lost, self._noise
+                )
+            total = self._losses.samples
+            sentences.append(
+                sentence_of_loss(self._layout, lost, self._costs[lost], samples, total, self._rate)
+            )
+        return (*sentences, *sentences_of_unseen(self._model, self._unseen, self._instants))
 
     def add(self, block: SampleBlock) -> MotionBlock | None:
         """
@@ -125,24 +150,32 @@ class MotionTransform:
 
         """
         self._check(block)
+        samples = block.samples[:, self._kept] if self._ignored else block.samples
         arrival = self.follower.accept(
             block.stream_id, block.first_index, block.next_index, block.last
         )
         if not arrival.usable:
             return None
         self.counts.blocks += 1
-        self._count_missing(block)
-        if arrival is Arrival.IN_ORDER:
-            self._buffer = np.concatenate((self._buffer, block.samples))
+        if arrival is Arrival.FIRST:
+            self._losses.restart()
+            self._map.restart()
+            self._next_output = 0
+        self._count_missing(samples)
+        self._losses.add(samples)
+        # What is derived instead of measured, or no longer, does not continue what came before.
+        continues = not self._map.use_without(self._losses.lost)
+        if not continues:
+            self._reach_out()
+        if arrival is Arrival.IN_ORDER and continues:
+            self._buffer = np.concatenate((self._buffer, samples))
         else:
-            self._buffer = block.samples.copy()
+            self._buffer = samples.copy()
             self._buffer_index = block.first_index
+        if arrival is not Arrival.IN_ORDER:
             self._noise_estimate.restart()
-            if arrival is Arrival.FIRST:
-                self._next_output = 0
         if self.noise_estimated:
-            self._noise_estimate.add(block.samples)
-            self._update_covariances()
+            self._noise_estimate.add(samples)
         ready = self._buffer.shape[0] - 2 * self._reach
         if ready <= 0 and not block.last:
             return None
@@ -153,7 +186,7 @@ class MotionTransform:
         return motion
 
     def _check(self, block: SampleBlock) -> None:
-        channels = len(self._layout.sensors)
+        channels = len(self._given.sensors)
         if block.samples.shape[1] != channels:
             raise DataError(
                 f'block {block.first_index}: {block.samples.shape[1]} channels, '
@@ -165,33 +198,18 @@ class MotionTransform:
                 f'the stream has {self._rate} Hz'
             )
 
-    def _count_missing(self, block: SampleBlock) -> None:
-        missing = (~np.isfinite(block.samples)).sum(axis=0)
+    def _count_missing(self, samples: NDArray[np.float64]) -> None:
+        missing = (~np.isfinite(samples)).sum(axis=0)
         for channel in np.flatnonzero(missing):
             name = self._layout.sensors[channel].name
             counts = self.counts.samples_without_reading
             counts[name] = counts.get(name, 0) + int(missing[channel])
 
-    def _update_covariances(self) -> None:
-        """Propagate the noise; last the covariance of displacement with acceleration."""
-        noise = np.where(
-            np.isnan(self._stated_noise),
-            self._noise_estimate.standard_deviation,
-            self._stated_noise,
-        )
-
-        def variance(first: int, second: int) -> NDArray[np.float64]:
-            return np.asarray(noise**2 * self._correlations[first, second])
-
-        rate = self._rate
-        displacement = self._displacement
-        self._covariances = (
-            displacement.covariance(variance(0, 0)),
-            self._velocity.covariance(variance(0, 0), variance(1, 1) * rate**2),
-            self._acceleration.covariance(variance(0, 0), variance(2, 2) * rate**4),
-            self._force.covariance(variance(0, 0)),
-            displacement.covariance(variance(0, 2) * rate**2) @ self._acceleration.derived_share.T,
-        )
+    @property
+    def _noise(self) -> NDArray[np.float64]:
+        """Of one sample of every channel that is used."""
+        estimated = self._noise_estimate.standard_deviation
+        return np.where(np.isnan(self._stated_noise), estimated, self._stated_noise)
 
     def _motion(self, block: SampleBlock, ready: int) -> MotionBlock:
         # Aligned readings at the instants given out and the margin either side of them.
@@ -200,107 +218,76 @@ class MotionTransform:
         aligned = np.empty((count, len(self._aligners)))
         for column, aligner in enumerate(self._aligners):
             aligned[:, column] = aligner.apply(self._buffer[:, column], start, count)
-        inner = aligned[self._margin : self._margin + ready]
-        with np.errstate(invalid='ignore'):
-            wide = aligned[:, self._displacement.channels] @ self._displacement.matrix.T
-            velocity, acceleration = (
-                rate.of_motion(inner, wide) for rate in (self._velocity, self._acceleration)
-            )
-            force = inner[:, self._force.channels] @ self._force.matrix.T
         first_index = max(self._buffer_index + self._reach, self._next_output)
         self._next_output = first_index + ready
+        mapped = self._map.motion(aligned, first_index)
+        if self.noise_estimated or any(one.maps for one in mapped.accuracies):
+            self._covariances = self._map.covariances(self._noise, mapped.accuracies)
+        else:
+            self._covariances = self._usual_covariances
+        tables = mapped.displacement, mapped.velocity, mapped.acceleration, mapped.force
+        for unseen, table in zip(self._unseen, tables, strict=True):
+            unseen += np.isnan(table).sum(axis=0)
+        self._instants += ready
+        velocity_derived, acceleration_derived = self._map.derived
         return MotionBlock(
             stream_id=block.stream_id,
             stamp_ns=stamp_after(block.stamp_ns, first_index - block.first_index, self._rate),
             first_index=first_index,
             sample_rate=self._rate,
             coordinates=self._model.coordinate_names,
-            displacement=wide[self._margin : self._margin + ready],
-            velocity=velocity,
-            acceleration=acceleration,
-            force=force,
+            displacement=mapped.displacement,
+            velocity=mapped.velocity,
+            acceleration=mapped.acceleration,
+            force=mapped.force,
             displacement_covariance=self._covariances[0],
             velocity_covariance=self._covariances[1],
             acceleration_covariance=self._covariances[2],
             force_covariance=self._covariances[3],
             displacement_acceleration_covariance=self._covariances[4],
             noise_estimated=self.noise_estimated,
-            velocity_derived=self._velocity.derived,
-            acceleration_derived=self._acceleration.derived,
+            velocity_derived=velocity_derived,
+            acceleration_derived=acceleration_derived,
             last=block.last,
         )
 
 
-class _Rate:
-    """Velocity or acceleration: measured where sensors see it, else differentiated."""
+def channels_of(layout: Layout, names: Collection[str]) -> frozenset[int]:
+    """
+    Find sensors by name.
 
-    def __init__(
-        self, observation: Observation, displacement: Observation, weights: NDArray[np.float64]
-    ) -> None:
-        self._observation = observation
-        self._displacement = displacement
-        self._weights = weights
-        share = np.eye(len(observation.seen)) - observation.seen
-        self.derived_share = share if observation.unseen else np.zeros_like(share)
+    Parameters
+    ----------
+    layout : Layout
+    names : collection of str
 
-    @property
-    def derived(self) -> bool:
-        return bool(self._observation.unseen)
+    Returns
+    -------
+    frozenset of int
+        Their channels.
 
-    def covariance(
-        self, variance: NDArray[np.float64], derived_variance: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        measured = self._observation.covariance(variance)
-        if not self.derived:
-            return measured
-        derived = self._displacement.covariance(derived_variance)
-        return measured + self.derived_share @ derived @ self.derived_share.T
+    Raises
+    ------
+    LayoutError
+        If one does not exist.
 
-    def of_motion(
-        self, readings: NDArray[np.float64], displacement: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        measured = readings[:, self._observation.channels] @ self._observation.matrix.T
-        if not self.derived:
-            return measured
-        return measured + (
-            _convolve(displacement, self._weights, len(readings)) @ self.derived_share.T
-        )
+    """
+    known = [sensor.name for sensor in layout.sensors]
+    for name in names:
+        if name not in known:
+            close = get_close_matches(name, known, 3)
+            hint = f'did you mean {" or ".join(close)}?' if close else f'has {", ".join(known)}'
+            raise LayoutError(f'sensor {name}: layout {layout.stand} does not have it; {hint}')
+    return frozenset(known.index(name) for name in names)
 
 
-class _Aligner:
-    """Take a constant delay, in samples, out of one channel."""
-
-    def __init__(self, delay: float) -> None:
-        whole = round(delay)
-        fraction = delay - whole
-        self._shift = whole
-        if abs(fraction) < 1e-12:
-            self._weights = np.ones(1)
-            self.reach = abs(whole)
-        else:
-            self._weights = stencil(0, fraction, HALF_WIDTH)
-            self.reach = abs(whole) + HALF_WIDTH
-
-    def correlation(self, first: int, second: int) -> float:
-        """Correlate two derivatives of the aligned channel, per variance of its white noise."""
-        filters = [
-            np.convolve(self._weights, stencil(order, 0.0, HALF_WIDTH))
-            for order in (first, second)
-        ]
-        return float(filters[0] @ filters[1])
-
-    def apply(self, samples: NDArray[np.float64], start: int, count: int) -> NDArray[np.float64]:
-        first = start + self._shift
-        if self._weights.size == 1:
-            return samples[first : first + count]
-        return _convolve(samples[first - HALF_WIDTH :], self._weights, count)
-
-
-def _convolve(
-    samples: NDArray[np.float64], weights: NDArray[np.float64], count: int
-) -> NDArray[np.float64]:
-    """Weighted sums of consecutive samples, tap by tap so that every bit is reproducible."""
-    result = np.zeros((count, *samples.shape[1:]))
-    for tap, weight in enumerate(weights):
-        result += weight * samples[tap : tap + count]
-    return result
+def _map_without(
+    model: Model, layout: Layout, sample_rate: float, ignored: Collection[int]
+) -> MotionMap:
+    try:
+        return MotionMap(model, layout_without(layout, ignored), sample_rate)
+    except LayoutError as error:
+        if not ignored:
+            raise
+        names = ', '.join(layout.sensors[i].name for i in sorted(ignored))
+        raise LayoutError(f'{error} (ignored: {names})') from None

@@ -8,7 +8,7 @@ Noise in the regressor and in the target does not average out. With ``[Phi, Y]``
 to first order in the noise.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from identnl_ros.core.measurement.blocks import MotionBlock
 from identnl_ros.core.mechanics.laws import LawKind
@@ -59,6 +59,24 @@ class NoiseCovariances:
             block.force_covariance,
             block.displacement_acceleration_covariance,
         )
+
+    def moved_towards(self, other: 'NoiseCovariances', share: float) -> 'NoiseCovariances':
+        """
+        Average with others; exact where both are equal.
+
+        Parameters
+        ----------
+        other : NoiseCovariances
+        share : float
+            Weight of the others, of 1 in all.
+
+        Returns
+        -------
+        NoiseCovariances
+
+        """
+        pairs = ((getattr(self, one.name), getattr(other, one.name)) for one in fields(self))
+        return NoiseCovariances(*(old + share * (new - old) for old, new in pairs))
 
 
 @dataclass(frozen=True)

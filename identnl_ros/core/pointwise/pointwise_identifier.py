@@ -193,7 +193,7 @@ class PointwiseIdentifier:
             if derived
         }
         self._noise_estimated |= block.noise_estimated
-        self._noise = NoiseCovariances.of(block)
+        self._take_noise(block, int(valid.sum()))
         self._pending = np.concatenate((self._pending, motion[valid]))
         while self._pending.shape[0] >= BATCH:
             self._commit(BATCH)
@@ -246,6 +246,14 @@ class PointwiseIdentifier:
             combinations=combinations,
             notes=self._notes(parameters, excess),
         )
+
+    def _take_noise(self, block: MotionBlock, count: int) -> None:
+        """Average stated noise over the instants of the stream; the last estimate is the best."""
+        noise = NoiseCovariances.of(block)
+        earlier = self._slopes.samples + len(self._pending)
+        if self._noise is not None and earlier and not block.noise_estimated:
+            noise = self._noise.moved_towards(noise, count / (earlier + count))
+        self._noise = noise
 
     def _commit(self, count: int) -> None:
         accumulated = self._accumulated(self._pending[:count])

@@ -14,7 +14,7 @@ from identnl_ros.core.algebra.information import Information
 from identnl_ros.core.errors import IdentnlError, MachineError
 from identnl_ros.core.estimation.force_noise import force_noise_effect, ForceNoise
 from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
-from identnl_ros.core.measurement.motion_record import MotionRecord
+from identnl_ros.core.measurement.motion_record import MotionRecord, same_noise
 from identnl_ros.core.measurement.motion_weights import noise_covariance
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.weak.chunk_fit import (
@@ -140,7 +140,7 @@ class Recursion:
         ----------
         record : MotionRecord
         noise : Noise
-            Counts where nothing came before.
+            Of these samples; that of the force counts where nothing came before.
 
         """
         # Whole chunks, counted from where the run begins: how the stream arrives changes nothing.
@@ -148,6 +148,8 @@ class Recursion:
         while first < len(record):
             if self._run is None:
                 self._run = Run(record.part(0, 0), noise)
+            if not first and not same_noise(noise.covariances, self._run.noise.covariances):
+                record = record.with_noise(noise.covariances)
             waiting = sum(map(len, self._run.waiting))
             end = min(first + CHUNK - waiting, len(record))
             self._run.waiting.append(record.part(first, end))

@@ -166,11 +166,15 @@ class ResponseFit:
                 'bound'
             )
         measured = record.displacement, record.velocity, record.acceleration
-        blocks, targets = [], []
-        for kind, matrix in self._weights.matrices:
-            targets.append((measured[kind][first:end] - motion[:, kind]) @ matrix.T)
-            blocks.append(np.matmul(matrix, derivatives[:, kind]))
-        deviation = Deviation(np.concatenate(targets, axis=1), np.concatenate(blocks, axis=1))
+        parts = []
+        for begin, stop, matrices in self._weights.whitening(record, first, end):
+            blocks, targets = [], []
+            for kind, matrix in matrices:
+                place = slice(first + begin, first + stop)
+                targets.append((measured[kind][place] - motion[begin:stop, kind]) @ matrix.T)
+                blocks.append(np.matmul(matrix, derivatives[begin:stop, kind]))
+            parts.append((np.concatenate(targets, axis=1), np.concatenate(blocks, axis=1)))
+        deviation = Deviation(*(np.concatenate(part) for part in zip(*parts, strict=True)))
         valid = np.isfinite(deviation.values).all(axis=1)
         if valid.any():
             regressor = deviation.derivatives[valid].reshape(-1, self.information.size)

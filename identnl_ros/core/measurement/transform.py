@@ -5,6 +5,7 @@
 from dataclasses import dataclass, field
 
 from identnl_ros.core.errors import DataError, LayoutError
+from identnl_ros.core.measurement.added_reading import front_mass_reading, gravity_reading
 from identnl_ros.core.measurement.blocks import MotionBlock, SampleBlock, stamp_after
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.measurement.layout import Layout, SensorKind
@@ -35,6 +36,13 @@ class MotionTransform:
     sensors of these kinds; what those cannot see is the first or second derivative of the
     displacement. Samples near the ends of an uninterrupted run for which there is no
     interpolation or derivative are not given out.
+
+    What accelerometers read of gravity is taken out, the tilt of their bodies as the displacement
+    tells it; what force cells read of a mass in front, with the acceleration found. The noise
+    that comes in with the tilt is neglected: g / distance of the probes, about 30 1/s^2, times
+    that of a probe, 1e-7 m/s^2 where the accelerometer itself has 1e-2. That of the acceleration
+    is in the covariance of the force, but not its correlation with the acceleration, which is to
+    the noise of the inertia forces as the mass in front is to that of the body.
 
     Parameters
     ----------
@@ -71,6 +79,8 @@ class MotionTransform:
             for order, kind in ((1, SensorKind.VELOCITY), (2, SensorKind.ACCELERATION))
         )
         self._force = observe_force(model, layout)
+        self._gravity = gravity_reading(model, layout.sensors, layout.gravity)
+        self._front_mass = front_mass_reading(model, layout.sensors)
         derived = self._velocity.derived or self._acceleration.derived
         # Samples around an instant that its derivatives need, and that alignment needs.
         self._margin = HALF_WIDTH if derived else 0
@@ -185,11 +195,14 @@ class MotionTransform:
 
         rate = self._rate
         displacement = self._displacement
+        acceleration = self._acceleration.covariance(variance(0, 0), variance(2, 2) * rate**4)
+        _, masses = self._front_mass.among(len(noise))
+        inertia = self._force.matrix @ masses[list(self._force.channels)]
         self._covariances = (
             displacement.covariance(variance(0, 0)),
             self._velocity.covariance(variance(0, 0), variance(1, 1) * rate**2),
-            self._acceleration.covariance(variance(0, 0), variance(2, 2) * rate**4),
-            self._force.covariance(variance(0, 0)),
+            acceleration,
+            self._force.covariance(variance(0, 0)) + inertia @ acceleration @ inertia.T,
             displacement.covariance(variance(0, 2) * rate**2) @ self._acceleration.derived_share.T,
         )
 
@@ -203,9 +216,11 @@ class MotionTransform:
         inner = aligned[self._margin : self._margin + ready]
         with np.errstate(invalid='ignore'):
             wide = aligned[:, self._displacement.channels] @ self._displacement.matrix.T
+            inner = self._gravity.taken_out(inner, wide[self._margin : self._margin + ready])
             velocity, acceleration = (
                 rate.of_motion(inner, wide) for rate in (self._velocity, self._acceleration)
             )
+            inner = self._front_mass.taken_out(inner, acceleration)
             force = inner[:, self._force.channels] @ self._force.matrix.T
         first_index = max(self._buffer_index + self._reach, self._next_output)
         self._next_output = first_index + ready

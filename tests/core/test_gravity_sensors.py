@@ -60,7 +60,7 @@ SIGNAL = multisine(20.0, (0.5, 12.0), 4.0, np.random.default_rng(5))
 
 def rocker(forces=(), motions=('translation_1', 'rotation_2')):
     """
-    A mast that slides along x and rocks about y: 3 and 7 Hz.
+    Describe a mast that slides along x and rocks about y: 3 and 7 Hz.
 
     At these frequencies, what tilt makes an accelerometer read is several per cent of what
     acceleration does.
@@ -285,7 +285,7 @@ def test_delays_between_sources_do_not_depend_on_the_constant_of_gravity():
 
 def test_layout_whose_gravity_points_elsewhere_than_the_machine_is_refused():
     machine = replace(rocker(), gravity=np.array([0.0, -9.81, 0.0]))
-    with pytest.raises(LayoutError, match='gravity is .* but that of machine rocker is'):
+    with pytest.raises(LayoutError, match=r'gravity is .* but that of machine rocker is'):
         MotionTransform(assemble(machine), DC, RATE)
     MotionTransform(assemble(machine), AC, RATE)
     local = replace(rocker(), gravity=np.array([0.0, 0.0, -9.78]))

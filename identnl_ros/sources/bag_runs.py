@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.measurement.layout import Layout
-from identnl_ros.core.measurement.measured_force import LONGEST_GAP
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.measurement.short_gaps import LONGEST_GAP
 from identnl_ros.storage.bag_reader import Bag
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np

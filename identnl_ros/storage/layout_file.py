@@ -10,16 +10,19 @@ from typing import Annotated, Any, Literal, TypeVar
 from identnl_ros.core.errors import LayoutError
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.core.mechanics.joints import GROUND
+from identnl_ros.core.mechanics.machine import STANDARD_GRAVITY
 from identnl_ros.storage.quantities import (
     convert,
     Direction,
     Frequency,
+    Gravity,
     Position,
     Quantity,
     same_dimension,
     shown,
     UnitError,
 )
+from identnl_ros.storage.triaxial_sensors import with_single_axes
 from identnl_ros.storage.yaml_reading import (
     Document,
     KeyProblem,
@@ -31,11 +34,13 @@ from identnl_ros.storage.yaml_reading import (
     StrictModel,
     with_kind,
 )
-from pydantic import BeforeValidator, Field
+import numpy as np
+from pydantic import BeforeValidator, Field, PlainValidator
 
 Value = TypeVar('Value')
 
 _TIME = Quantity('s', 'a time such as "25 us"')
+_MASS = Quantity('kg', 'a mass such as "35 g"')
 _PROBABILITY = Quantity('', 'a probability such as 0.001')
 # What is measured, an example of a small amount, an example of a gain.
 _WORDS = {
@@ -44,6 +49,15 @@ _WORDS = {
     SensorKind.VELOCITY: ('a velocity', '2 um/s', '0.5 V/(mm/s)'),
     SensorKind.ACCELERATION: ('an acceleration', '0.01 m/s^2', '10 mV/(m/s^2)'),
 }
+
+
+def _yes_or_no(value: object) -> bool:
+    if value not in ('true', 'false'):
+        raise ValueError(f'found {shown(value)}, expected true or false')
+    return value == 'true'
+
+
+YesOrNo = Annotated[bool, PlainValidator(_yes_or_no)]
 
 
 class _Quality(StrictModel):
@@ -57,13 +71,23 @@ class _Quality(StrictModel):
     noise: str = ''
     resolution: str = '0'
     dropout_probability: str = '0'
+    full_scale: str = ''
+
+
+class _AccelerationQuality(_Quality):
+    reads_gravity: YesOrNo = False
 
 
 class _Defaults(StrictModel):
     force: _Quality = _Quality()
     displacement: _Quality = _Quality()
     velocity: _Quality = _Quality()
-    acceleration: _Quality = _Quality()
+    acceleration: _AccelerationQuality = _AccelerationQuality()
+
+
+_KEYS_OF_DEFAULTS = {
+    kind: tuple(type(field.default).model_fields) for kind, field in _Defaults.model_fields.items()
+}
 
 
 class _Channel(_Quality):
@@ -93,18 +117,27 @@ class _Channel(_Quality):
             'dropout_probability': _checked(
                 'dropout_probability', lambda: _PROBABILITY.number(self.dropout_probability)
             ),
+            'full_scale': _checked(
+                'full_scale', lambda: _full_scale(self.full_scale, unit, gain, kind)
+            ),
         }
 
 
 class _ForceSensor(_Channel):
     kind: Literal['force']
     excitation: Name
+    front_mass: Annotated[float, PlainValidator(_MASS.number)] = 0.0
 
     def build(self, name: str) -> Sensor:
-        return Sensor(name, excitation=self.excitation, **self._quality(SensorKind.FORCE))
+        return Sensor(
+            name,
+            excitation=self.excitation,
+            front_mass=self.front_mass,
+            **self._quality(SensorKind.FORCE),
+        )
 
 
-class _Accelerometer(_Channel):
+class _Accelerometer(_Channel, _AccelerationQuality):
     kind: Literal['acceleration']
     body: Name
     point: Position
@@ -116,6 +149,7 @@ class _Accelerometer(_Channel):
             body=self.body,
             point=self.point,
             direction=self.direction,
+            reads_gravity=self.reads_gravity,
             **self._quality(SensorKind.ACCELERATION),
         )
 
@@ -138,12 +172,16 @@ class _Probe(_Channel):
         )
 
 
+# Keys that may differ among the axes of a triaxial sensor.
+_OF_AXIS = (*_Channel.model_fields, 'reads_gravity')
+
 _AnySensor = _ForceSensor | _Probe | _Accelerometer
 
 
 class _Layout(StrictModel):
     stand: Name = 'stand'
     sample_rate: Frequency | None = None
+    gravity: Gravity = Field(default_factory=lambda: np.array(STANDARD_GRAVITY))
     defaults: _Defaults = _Defaults()
     sensors: dict[
         Name,
@@ -213,11 +251,12 @@ def read_layout(text: str, where: str) -> Layout:
         If the text does not describe sensors; names `where`, line and key.
 
     """
-    document = _with_defaults(parse(text, where, LayoutError))
+    document = with_single_axes(parse(text, where, LayoutError), _OF_AXIS)
+    document = _with_defaults(document)
     model = document.validated(_Layout)
     sensors = tuple(_sensor(name, entry, document) for name, entry in model.sensors.items())
     with located(document, {}):
-        return Layout(sensors, model.stand, model.sample_rate)
+        return Layout(sensors, model.stand, model.sample_rate, model.gravity)
 
 
 def default_layout_path(machine_path: str | Path) -> Path:
@@ -255,10 +294,11 @@ def _with_defaults(document: Document) -> Document:
     filled = {}
     for name, sensor in sensors.items():
         kind = str(_mapping(sensor).get(KIND))
+        allowed = _KEYS_OF_DEFAULTS.get(kind, ())
         added = {
             key: value
             for key, value in _mapping(defaults.get(kind)).items()
-            if key in _Quality.model_fields and key not in sensor
+            if key in allowed and key not in sensor
         }
         for key in added:
             lines['sensors', name, key] = lines['defaults', kind, key]
@@ -317,6 +357,18 @@ def _amount(text: str, unit: str, gain: float, kind: SensorKind) -> float:
         return Quantity(kind.unit, expected).number(text)
     except ValueError:
         return Quantity(unit, expected).number(text) / abs(gain)
+
+
+def _full_scale(text: str, unit: str, gain: float, kind: SensorKind) -> float:
+    """In the recorded unit, or in the unit of the quantity through the gain; recorded unit."""
+    if not text:
+        return float('nan')
+    measured, example, _ = _WORDS[kind]
+    expected = f'a recorded value such as "10 {unit}", or {measured} such as "{example}"'
+    try:
+        return Quantity(unit, expected).number(text)
+    except ValueError:
+        return Quantity(kind.unit, expected).number(text) * abs(gain)
 
 
 def _is_bare(text: str) -> bool:

@@ -7,10 +7,12 @@ import re
 
 from identnl_ros.core.errors import LayoutError
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.mechanics.machine import STANDARD_GRAVITY
 from identnl_ros.storage.layout_file import read_layout
 from identnl_ros.storage.quantities import convert, same_dimension, UnitError
 from identnl_ros.storage.yaml_reading import KIND
 from identnl_ros.storage.yaml_writing import Data, direction, number, vector, yaml_text
+import numpy as np
 
 
 def layout_text(layout: Layout, headline: str) -> str:
@@ -39,6 +41,8 @@ def layout_text(layout: Layout, headline: str) -> str:
     sections: dict[str, Data] = {'stand': layout.stand}
     if layout.sample_rate is not None:
         sections['sample_rate'] = number(layout.sample_rate)
+    if not np.array_equal(layout.gravity, STANDARD_GRAVITY):
+        sections['gravity'] = vector(layout.gravity)
     sections['sensors'] = {sensor.name: _sensor(sensor) for sensor in layout.sensors}
     text = yaml_text(headline, sections)
     read_layout(text, f'layout {layout.stand} as written')
@@ -54,13 +58,15 @@ def _sensor(sensor: Sensor) -> Data:
 
 def _place(sensor: Sensor) -> dict[str, Data]:
     if sensor.kind is SensorKind.FORCE:
-        return {'excitation': sensor.excitation}
+        front = {'front_mass': number(sensor.front_mass)} if sensor.front_mass else {}
+        return {'excitation': sensor.excitation, **front}
     relative = {'relative_to': sensor.reference_body} if sensor.reference_body else {}
     return {
         'body': sensor.body,
         **relative,
         'point': vector(sensor.point),
         'direction': direction(sensor.direction),
+        **({'reads_gravity': 'true'} if sensor.reads_gravity else {}),
     }
 
 
@@ -100,4 +106,9 @@ def _quality(sensor: Sensor) -> dict[str, Data]:
         'dropout_probability': sensor.dropout_probability,
     }
     absent = {key: math.isnan(one) if key == 'noise' else one == 0 for key, one in numbers.items()}
-    return {key: number(one) for key, one in numbers.items() if not absent[key]}
+    written: dict[str, Data] = {
+        key: number(one) for key, one in numbers.items() if not absent[key]
+    }
+    if not math.isnan(sensor.full_scale):
+        written['full_scale'] = f'{number(sensor.full_scale)} {sensor.recorded_unit}'
+    return written

@@ -33,6 +33,7 @@ from identnl_ros.storage.quantities import (
     direction,
     FREQUENCY,
     Frequency,
+    Gravity,
     LENGTH,
     Position,
     Quantity,
@@ -65,7 +66,6 @@ _MOMENT = Quantity('N*m', 'a moment such as "2 N*m"')
 _STIFFNESS = Quantity('N/m', 'a stiffness such as "15 daN/um"')
 _MASS = Quantity('kg', 'a mass such as "900 kg"')
 _INERTIA = Quantity('kg*m^2', 'a moment of inertia such as "190 kg*m^2"')
-_ACCELERATION = Quantity('m/s^2', 'an acceleration such as "-9.81 m/s^2"')
 _EXPONENT = Quantity('', 'a number such as 2')
 _DAMPING = Quantity('N*s/m', 'a damping such as "8e3 N*s/m"')
 
@@ -374,7 +374,7 @@ class _Excitation(StrictModel):
 class _Machine(StrictModel):
     machine: Name
     rest: Literal['locked_in', 'computed'] = 'locked_in'
-    gravity: Annotated[Vector, PlainValidator(_ACCELERATION.vector)] | None = None
+    gravity: Gravity | None = None
     bodies: dict[Name, _Body]
     joints: dict[
         Name,

@@ -307,11 +307,13 @@ Vector = NDArray[np.float64]
 
 LENGTH = Quantity('m', 'a length such as "0.3 m"')
 FREQUENCY = Quantity('Hz', 'a frequency such as "40 Hz"')
+ACCELERATION = Quantity('m/s^2', 'an acceleration such as "-9.81 m/s^2"')
 
 # Types of keys that several files have.
 Direction = Annotated[Vector, PlainValidator(direction)]
 Position = Annotated[Vector, PlainValidator(LENGTH.vector)]
 Frequency = Annotated[float, PlainValidator(FREQUENCY.number)]
+Gravity = Annotated[Vector, PlainValidator(ACCELERATION.vector)]
 
 
 def convert(number: float, unit: str, to_unit: str) -> float:

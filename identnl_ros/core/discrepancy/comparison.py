@@ -15,6 +15,7 @@ from identnl_ros.core.discrepancy.description import Description
 from identnl_ros.core.discrepancy.nominal_motion import corrected, NominalMotion
 from identnl_ros.core.errors import MachineError
 from identnl_ros.core.likelihood.likelihood_record import prepare, PreparedRecord
+from identnl_ros.core.measurement.added_reading import gravity_reading
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.measurement.noise import NoiseEstimate
 from identnl_ros.core.measurement.observation import sensor_matrix
@@ -117,6 +118,9 @@ class Comparison:
             earlier.prepared if earlier else prepare(model, record, prediction)
         )
         prepared = self.prepared
+        self._gravity = prediction.gravity
+        _, self.tilt = self._gravity.among(len(self.sensors))
+        """What the sensors read of gravity per unit of every coordinate, (n_sensors, n)."""
         self.rows = [
             (order, places, sensor_matrix(model, tuple(self.sensors[i] for i in places)))
             for order, kind in enumerate(MOTION_KINDS)
@@ -234,6 +238,8 @@ class Comparison:
         result = np.empty((len(self.measured), len(self.sensors)))
         for order, places, rows in self.rows:
             result[:, places] = series[order][: len(result)] @ rows.T
+        gravity = self._gravity
+        result[:, gravity.channels] += gravity.of(motion.displacement[: len(result)])
         return result
 
     def noise(self) -> Reals:
@@ -328,9 +334,12 @@ class Comparison:
         for order, places, rows in self.rows:
             rates[:, places] = following[order][: len(rates)] @ rows.T
             for i in places:
-                axes = [replace(self.sensors[i], direction=axis) for axis in np.eye(3)]
-                three = sensor_matrix(self.model, tuple(axes))
-                triads[self.sensors[i].name] = series[order][: len(rates)] @ three.T
+                axes = tuple(replace(self.sensors[i], direction=axis) for axis in np.eye(3))
+                three = series[order] @ sensor_matrix(self.model, axes).T
+                gravity = gravity_reading(self.model, axes, self.description.layout.gravity)
+                three[:, gravity.channels] += gravity.of(motion.displacement)
+                triads[self.sensors[i].name] = three[: len(rates)]
+        rates += motion.velocity[: len(rates)] @ self.tilt.T
         names = [sensor.name for sensor in self.sensors]
         return Signals(
             self.time[:-1],

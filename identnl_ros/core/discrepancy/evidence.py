@@ -81,7 +81,7 @@ class Evidence:
 
     def __init__(self, comparison: Comparison) -> None:
         self.comparison = comparison
-        self.channels = MotionChannels(comparison.rows, comparison.deviation)
+        self.channels = MotionChannels(comparison.rows, comparison.deviation, comparison.tilt)
         motion = comparison.motion
         model = comparison.model
         hidden = hidden_motion(

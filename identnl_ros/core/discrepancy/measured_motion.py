@@ -11,6 +11,8 @@ noise hides stays as simulated. The map is linear and does not depend on the rea
 be sent through it to see what it does.
 """
 
+from typing import Any
+
 from identnl_ros.core.discrepancy.comparison import Comparison
 from identnl_ros.core.discrepancy.nominal_motion import NominalMotion
 from identnl_ros.core.measurement.observation import sensor_matrix
@@ -57,7 +59,8 @@ class MeasuredMotion:
         self._rows = sensor_matrix(model, tuple(comparison.sensors))
         noise = comparison.deviation
         motion = self._compliance * (strength * np.sqrt(model.mass_diagonal()))
-        response = rate**self._orders * ((self._rows / noise[:, np.newaxis]) @ motion)
+        self._tilt = comparison.tilt
+        response = self._response(rate, motion) / noise[:, np.newaxis]
         adjoint = response.conj().transpose(0, 2, 1)
         size = len(model.coordinates)
         self._map = motion @ np.linalg.solve(adjoint @ response + np.eye(size), adjoint) / noise
@@ -109,9 +112,13 @@ class MeasuredMotion:
 
         """
         lines = fft.rfft(force, axis=0)[1:]
-        motion = self._rows @ (self._compliance @ lines[:, :, np.newaxis])
+        motion = self._compliance @ lines[:, :, np.newaxis]
         rate = self._rate[:, np.newaxis, np.newaxis]
-        return self._in_time((rate**self._orders * motion)[:, :, 0])
+        return self._in_time(self._response(rate, motion)[:, :, 0])
+
+    def _response(self, rate: NDArray[Any], motion: NDArray[Any]) -> NDArray[np.complex128]:
+        """Read a motion given line by line."""
+        return np.asarray(rate**self._orders * (self._rows @ motion) + self._tilt @ motion)
 
     def _in_time(self, lines: NDArray[np.complex128]) -> Reals:
         return np.asarray(fft.irfft(np.pad(lines, ((1, 0), (0, 0))), self._count, axis=0))

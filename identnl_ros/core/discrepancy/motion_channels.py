@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
 
+# Tilt this little outside the channels of motion is in them.
+ROUNDING = 1e-9
+
 
 class MotionChannels:
     """
@@ -28,6 +31,8 @@ class MotionChannels:
         they read per unit of every coordinate, shape (n_sensors_of_kind, n_coordinates).
     noise : ndarray, shape (n_sensors,)
         Standard deviation of a reading [SI].
+    tilt : ndarray, shape (n_sensors, n_coordinates)
+        What the sensors read of gravity per unit of every coordinate.
 
     Attributes
     ----------
@@ -38,16 +43,28 @@ class MotionChannels:
 
     """
 
-    def __init__(self, rows: Sequence[tuple[int, list[int], Reals]], noise: Reals) -> None:
+    def __init__(
+        self, rows: Sequence[tuple[int, list[int], Reals]], noise: Reals, tilt: Reals
+    ) -> None:
         self._noise = noise
         self._triangles: list[tuple[int, slice, Reals]] = []
         moved: list[Reals] = []
         still: list[Reals] = []
         first = 0
         for order, places, matrix in rows:
-            left, right = np.linalg.qr(matrix / noise[places, np.newaxis], mode='complete')
-            count = min(matrix.shape)
-            self._triangles.append((order, slice(first, first + count), right[:count]))
+            scale = noise[places, np.newaxis]
+            white, tilted = matrix / scale, tilt[places] / scale
+            left, right = np.linalg.qr(white, mode='complete')
+            count = min(white.shape)
+            outside = np.abs(left[:, count:].T @ tilted).max(initial=0.0)
+            if outside > ROUNDING * np.abs(tilted).max(initial=0.0):
+                both = np.hstack((white, tilted))
+                left, right = np.linalg.qr(both, mode='complete')
+                count, right = min(both.shape), right[:, : white.shape[1]]
+            channels = slice(first, first + count)
+            self._triangles.append((order, channels, right[:count]))
+            if tilted.any():
+                self._triangles.append((0, channels, left[:, :count].T @ tilted))
             whole = np.zeros((len(noise), len(places)))
             whole[places] = left
             moved.append(whole[:, :count])
@@ -97,7 +114,7 @@ class MotionChannels:
         ndarray, shape (n_columns, count, n_samples)
 
         """
-        result: NDArray[Any] = np.empty((motion.shape[3], self.count, len(motion)), dtype)
+        result: NDArray[Any] = np.zeros((motion.shape[3], self.count, len(motion)), dtype)
         for order, channels, triangle in self._triangles:
-            result[:, channels] = (triangle @ motion[:, order]).transpose(2, 1, 0)
+            result[:, channels] += (triangle @ motion[:, order]).transpose(2, 1, 0)
         return result

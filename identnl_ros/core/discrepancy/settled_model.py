@@ -301,7 +301,8 @@ def _after(base: _Point, step: Reals, held: bool, liberties: Liberties) -> _Poin
 
 def _unseen_parts(model: Model, record: MeasuredRecord) -> frozenset[str]:
     """Find bodies on which there is no sensor, and their joints."""
-    seen = {sensor.body for sensor in record.layout.sensors if sensor.body}
+    sensors = record.layout.sensors
+    seen = {body for one in sensors for body in (one.body, one.reference_body) if body}
     bodies = {body.name for body in model.machine.bodies} - seen
     joints = {
         joint.name

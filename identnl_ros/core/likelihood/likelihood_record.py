@@ -5,6 +5,7 @@
 from dataclasses import dataclass, replace
 
 from identnl_ros.core.errors import LayoutError
+from identnl_ros.core.measurement.added_reading import has_front_mass
 from identnl_ros.core.measurement.initial_state import initial_state
 from identnl_ros.core.measurement.measured_force import measured_forces
 from identnl_ros.core.measurement.measured_record import (
@@ -90,7 +91,9 @@ def prepare(model: Model, record: MeasuredRecord, prediction: SensorPrediction) 
     """
     channels = list(prediction.channels)
     sensors = record.layout.sensors
-    late = max((abs(sensor.delay) for sensor in sensors if sensor.excitation), default=0.0)
+    # A mass in front of a cell brings the motion sensors into the force.
+    front = has_front_mass(record.layout)
+    late = max((abs(one.delay) for one in sensors if one.excitation or front), default=0.0)
     margin = MARGIN + int(np.ceil(late * record.sample_rate))
     measured = record.samples[margin : len(record.samples) - margin, channels]
     deviation = standard_deviations(record)[channels]
@@ -103,7 +106,8 @@ def prepare(model: Model, record: MeasuredRecord, prediction: SensorPrediction) 
             'state the noise of every sensor, or of none'
         )
     if silent.any():
-        deviation = PERFECT * _typical(record, channels)
+        at_rest, _ = prediction.gravity.among(len(channels))
+        deviation = PERFECT * _typical(record, channels, at_rest)
     weights = np.where(np.isfinite(measured), 1 / deviation, 0.0)
     prepared = PreparedRecord(
         prediction, measured_forces(model, record), record.sample_rate, margin,
@@ -151,10 +155,12 @@ def stretch(
     )
 
 
-def _typical(record: MeasuredRecord, channels: list[int]) -> NDArray[np.float64]:
-    """Root mean square of what the sensors of every channel's kind show; 1 where nothing."""
+def _typical(
+    record: MeasuredRecord, channels: list[int], at_rest: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Root mean square of the motion that every channel's kind shows; 1 where nothing."""
     kinds = [record.layout.sensors[i].kind for i in channels]
-    squares = np.array([np.nanmean(record.samples[:, i] ** 2) for i in channels])
+    squares = np.nanmean((record.samples[:, channels] - at_rest) ** 2, axis=0)
     result = np.empty(len(channels))
     for kind in set(kinds):
         own = np.array([one is kind for one in kinds])

@@ -7,47 +7,48 @@ from dataclasses import dataclass
 
 from identnl_ros.core.errors import DataError, LayoutError
 from identnl_ros.core.measurement.layout import Sensor
-from identnl_ros.core.measurement.measured_record import MARGIN, MeasuredRecord
+from identnl_ros.core.measurement.measured_record import MeasuredRecord
+from identnl_ros.core.measurement.point_acceleration import acceleration_of, AccelerationShare
+from identnl_ros.core.measurement.short_gaps import bridged, LONGEST_GAP
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.simulation.excitation import RecordedForce, Signal
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
-
-# So many lost samples of a force in a row are bridged.
-LONGEST_GAP = 3
 
 
 @dataclass(frozen=True)
-class MeanForce:
+class WeightedSum:
     """
-    Noise-weighted mean of the cells that measure one force, their delays taken out.
+    Weighted sum of measured series, their delays taken out.
 
     Parameters
     ----------
-    cells : tuple of RecordedForce
+    series : tuple of RecordedForce
     weights : tuple of float
-        Their sum is one.
+        [N per unit of the series].
     delays : tuple of float
         [s].
 
     """
 
-    cells: tuple[RecordedForce, ...]
+    series: tuple[RecordedForce, ...]
     weights: tuple[float, ...]
     delays: tuple[float, ...]
 
     def on_grid(self, start: float, step: float, count: int) -> NDArray[np.float64]:
         """Evaluate at equally spaced instants (see `Signal`)."""
         total = np.zeros(count)
-        for cell, weight, delay in zip(self.cells, self.weights, self.delays, strict=True):
-            total += weight * cell.on_grid(start + delay, step, count)
+        for one, weight, delay in zip(self.series, self.weights, self.delays, strict=True):
+            total += weight * one.on_grid(start + delay, step, count)
         return total
 
 
 def measured_forces(model: Model, record: MeasuredRecord) -> tuple[Signal, ...]:
     """
     Take the forces of all exciters from the force sensors.
+
+    What a cell reads of a mass in front of it is taken out with the acceleration of the point at
+    which the exciter acts, as the sensors of motion tell it.
 
     Parameters
     ----------
@@ -62,9 +63,9 @@ def measured_forces(model: Model, record: MeasuredRecord) -> tuple[Signal, ...]:
     Raises
     ------
     LayoutError
-        If no sensor measures an excitation.
+        If no sensor measures an excitation, or none the acceleration of a mass in front.
     DataError
-        If the force is not known for longer than a few samples.
+        If the force, or that acceleration, is not known for longer than a few samples.
 
     """
     sensors = record.layout.sensors
@@ -76,19 +77,25 @@ def measured_forces(model: Model, record: MeasuredRecord) -> tuple[Signal, ...]:
                 f'layout: no force sensor measures excitation "{point.name}" of machine '
                 f'{model.machine.name}; add one, or remove the excitation from the machine file'
             )
-        bridged = {i: _bridged(record.samples[:, i]) for i in channels}
-        whole = {i: one for i, one in bridged.items() if np.isfinite(one).all()}
+        filled = {i: bridged(record.samples[:, i]) for i in channels}
+        whole = {i: one for i, one in filled.items() if np.isfinite(one).all()}
         if not whole:
-            lost = int(np.argmax(np.isnan(next(iter(bridged.values())))))
+            lost = int(np.argmax(np.isnan(next(iter(filled.values())))))
             raise DataError(
                 f'record: the force of excitation "{point.name}" is not known for more than '
                 f'{LONGEST_GAP} samples from sample {lost} on; cut the record there'
             )
+        weights = cell_weights([sensors[i] for i in whole])
+        mass = float(weights @ [sensors[i].front_mass for i in whole])
+        shares: list[AccelerationShare] = acceleration_of(model, record, point) if mass else []
         signals.append(
-            MeanForce(
-                tuple(RecordedForce(one, record.sample_rate) for one in whole.values()),
-                tuple(cell_weights([sensors[i] for i in whole]).tolist()),
-                tuple(sensors[i].delay for i in whole),
+            WeightedSum(
+                tuple(
+                    RecordedForce(one, record.sample_rate)
+                    for one in (*whole.values(), *(share.samples for share in shares))
+                ),
+                (*weights.tolist(), *[-mass] * len(shares)),
+                (*(sensors[i].delay for i in whole), *(share.delay for share in shares)),
             )
         )
     return tuple(signals)
@@ -111,19 +118,3 @@ def cell_weights(cells: Sequence[Sensor]) -> NDArray[np.float64]:
     noise = np.array([cell.noise for cell in cells])
     weights = 1 / noise**2 if np.all(noise > 0) else np.ones(len(noise))
     return np.asarray(weights / weights.sum())
-
-
-def _bridged(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Fill short gaps from the samples around them."""
-    valid = np.isfinite(samples)
-    if valid.all():
-        return samples
-    filled = samples.copy()
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], ~valid, [False])).astype(np.int8)))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        around = np.arange(max(0, begin - MARGIN), min(len(samples), end + MARGIN))
-        around = around[valid[around]]
-        if end - begin <= LONGEST_GAP and around.size > MARGIN:
-            spline = make_interp_spline(around, samples[around], 5)
-            filled[begin:end] = spline(np.arange(begin, end))
-    return filled

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from identnl_ros.core.errors import LayoutError
+from identnl_ros.core.measurement.added_reading import front_mass_reading, gravity_reading
 from identnl_ros.core.measurement.alignment import Aligner, convolve, HALF_WIDTH
 from identnl_ros.core.measurement.degraded_observation import Accuracy, DegradedObservation
 from identnl_ros.core.measurement.layout import Layout, SensorKind
@@ -79,6 +80,12 @@ class MotionMap:
             for order, kind in ((1, SensorKind.VELOCITY), (2, SensorKind.ACCELERATION))
         )
         self._force = DegradedObservation(observe_force(model, layout))
+        self._gravity = gravity_reading(model, layout.sensors, layout.gravity)
+        self._front_mass = front_mass_reading(model, layout.sensors)
+        _, masses = self._front_mass.among(len(layout.sensors))
+        force = self._force.full
+        # Generalised force that the masses in front take, per unit of acceleration.
+        self._front_inertia = force.matrix @ masses[list(force.channels)]
 
     @property
     def derived(self) -> tuple[bool, bool]:
@@ -138,13 +145,13 @@ class MotionMap:
         count = len(aligned) - 2 * self.margin
         inner = slice(self.margin, self.margin + count)
         wide = _read(self._displacement, aligned, first_index - self.margin)
-        measured = [
-            _read(one, aligned[inner], first_index)
-            for one in (*(rate.observation for rate in self._rates), self._force)
-        ]
+        readings = self._gravity.taken_out(aligned[inner], wide[inner])
         velocity, acceleration = (
-            rate.completed(one, wide) for rate, one in zip(self._rates, measured, strict=False)
+            rate.completed(_read(rate.observation, readings, first_index), wide)
+            for rate in self._rates
         )
+        readings = self._front_mass.taken_out(readings, acceleration)
+        forces = _read(self._force, readings, first_index)
         displacement, force = (
             one.accuracy(first_index, count) for one in (self._displacement, self._force)
         )
@@ -153,7 +160,7 @@ class MotionMap:
             wide[inner],
             velocity,
             acceleration,
-            measured[2],
+            forces,
             (displacement, first, second, force),
         )
 
@@ -201,7 +208,8 @@ class MotionMap:
             displacement.covariance(variance(0, 0)),
             rates[0],
             rates[1],
-            force.covariance(variance(0, 0)),
+            force.covariance(variance(0, 0))
+            + self._front_inertia @ rates[1] @ self._front_inertia.T,
             with_acceleration @ self._rates[1].share.T,
         )
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from identnl_ros.core.errors import LayoutError
+from identnl_ros.core.measurement.added_reading import gravity_reading
 from identnl_ros.core.measurement.layout import Layout, SensorKind
 from identnl_ros.core.measurement.observation import sensor_matrix
 from identnl_ros.core.measurement.sensor_unknown import SensorQuantity, SensorUnknown
@@ -86,6 +87,10 @@ class SensorPrediction:
             rows = sensor_matrix(model, tuple(sensors[channel] for channel in own))
             if own:
                 self._kinds.append((order, [self.channels.index(i) for i in own], rows))
+        self.gravity = gravity_reading(
+            model, tuple(sensors[channel] for channel in self.channels), layout.gravity
+        )
+        """What accelerometers read of gravity; channels count those that are predicted."""
         for unknown in unknowns:
             for sensor in sensors:
                 if sensor.name in unknown.sensors and sensor.kind is SensorKind.FORCE:
@@ -197,6 +202,13 @@ class SensorPrediction:
                 varied = rows @ derivatives[:, order]
                 series[:, places, 1 : 1 + 2 * self._size] = varied[..., unknowns:]
                 series[:, places, 1 + 2 * self._size :] = varied[..., :unknowns]
+        gravity = self.gravity
+        if len(gravity.channels):
+            series[:, gravity.channels, 0] += gravity.of(motion[:, 0])
+            if columns:
+                tilted = gravity.matrix @ derivatives[:, 0]
+                series[:, gravity.channels, 1 : 1 + 2 * self._size] += tilted[..., unknowns:]
+                series[:, gravity.channels, 1 + 2 * self._size :] += tilted[..., :unknowns]
         return series
 
     def _prediction(

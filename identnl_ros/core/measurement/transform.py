@@ -44,6 +44,13 @@ class MotionTransform:
     interpolation or derivative are not given out. Where a sensor has no valid reading, the others
     of its kind tell the motion as far as they can; `degradation` says what that cost.
 
+    What accelerometers read of gravity is taken out, the tilt of their bodies as the displacement
+    tells it; what force cells read of a mass in front, with the acceleration found. The noise
+    that comes in with the tilt is neglected: g / distance of the probes, about 30 1/s^2, times
+    that of a probe, 1e-7 m/s^2 where the accelerometer itself has 1e-2. That of the acceleration
+    is in the covariance of the force, but not its correlation with the acceleration, which is to
+    the noise of the inertia forces as the mass in front is to that of the body.
+
     Parameters
     ----------
     model : Model

@@ -5,6 +5,7 @@
 from dataclasses import dataclass
 
 from identnl_ros.core.errors import LayoutError
+from identnl_ros.core.measurement.added_reading import front_mass_reading, gravity_reading
 from identnl_ros.core.measurement.blocks import ChannelStatus, SampleBlock, stamp_after
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.core.measurement.observation import sensor_matrix
@@ -33,6 +34,9 @@ class _Delayed:
 class SimulatedStand:
     """
     Run a machine from rest and read its sensors.
+
+    The signals are the forces on the structure: what accelerates a mass in front of a cell comes
+    on top of them in its reading.
 
     Parameters
     ----------
@@ -103,6 +107,8 @@ class SimulatedStand:
             kind: sensor_matrix(model, tuple(layout.sensors[i] for i in layout.of_kind(kind)))
             for kind in MOTION_KINDS
         }
+        self._gravity = gravity_reading(model, layout.sensors, layout.gravity)
+        self._front_mass = front_mass_reading(model, layout.sensors)
         names = [point.name for point in model.machine.excitations]
         for sensor in layout.sensors:
             if sensor.excitation and sensor.excitation not in names:
@@ -173,6 +179,12 @@ class SimulatedStand:
             ]
             offset = self._delays[channel].fraction / self._rate
             columns[channel] = signal.on_grid(start + offset, 1 / self._rate, self._chunk_size)
+        for added, motion in ((self._gravity, motions[0]), (self._front_mass, motions[2])):
+            for channel, constant, row in zip(
+                added.channels, added.constant, added.matrix, strict=True
+            ):
+                moved = motion[fractions.index(self._delays[channel].fraction)]
+                columns[channel] = columns[channel] + constant + moved @ row
         readings = np.empty((self._chunk_size, len(self._actual.sensors)))
         for channel, delay in enumerate(self._delays):
             longer = np.concatenate((self._history[channel], columns[channel]))
@@ -207,6 +219,7 @@ class SimulatedStand:
         before[list(self._actual.of_kind(SensorKind.DISPLACEMENT))] = (
             self._rows[SensorKind.DISPLACEMENT] @ rest
         )
+        before[self._gravity.channels] = self._gravity.of(rest)
         return [
             np.full(delay.samples, value)
             for delay, value in zip(self._delays, before, strict=True)

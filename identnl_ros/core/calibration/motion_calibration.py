@@ -78,6 +78,7 @@ class _Settings:
     references: Collection[str]
     properties: Collection[Property]
     noise_uncertainty: float
+    known_gains: Collection[str]
 
 
 def calibrate_motion(
@@ -87,6 +88,7 @@ def calibrate_motion(
     references: Collection[str],
     properties: Collection[Property] = ALL,
     noise_uncertainty: float = STATED_NOISE,
+    known_gains: Collection[str] = (),
 ) -> Findings:
     """
     Estimate gains, directions and delays by maximum likelihood.
@@ -109,6 +111,8 @@ def calibrate_motion(
         Of gain, direction, delay: what to estimate.
     noise_uncertainty : float
         Relative uncertainty of the noise, for the test whether all sensors agree.
+    known_gains : collection of str
+        Sensors whose gains are right.
 
     Returns
     -------
@@ -120,7 +124,9 @@ def calibrate_motion(
         If there is no motion, or nothing to compare.
 
     """
-    settings = _Settings(model, records, layout, references, properties, noise_uncertainty)
+    settings = _Settings(
+        model, records, layout, references, properties, noise_uncertainty, known_gains
+    )
     fit, findings = _fitted(settings, hold_angles=False)
     if any(which in ANGLES for _, which in fit.lost) and not findings.doubts:
         # Where the machine moves too little to tell all, directions as stated tell the gains.
@@ -160,7 +166,7 @@ def _fitted(asked: _Settings, hold_angles: bool) -> tuple[_Fit, Findings]:
         for channel, sensor in enumerate(sensors)
         if sensor.kind in MOTION_KINDS and sensor.name not in asked.references
         for which, what in _WHAT.items()
-        if what in asked.properties
+        if what in asked.properties and not (which == GAIN and sensor.name in asked.known_gains)
     ]
     fit = _Fit(asked.layout, free, hold_angles)
     taken_out = np.zeros(len(sensors))

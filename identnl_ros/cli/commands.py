@@ -15,6 +15,7 @@ COMMANDS = {
     'diagnose': ('diagnose', 'Find what a model lacks where it differs from the measurement.'),
     'validate': ('validate', 'Compare a machine with identified parameters with a bag.'),
     'design': ('design', 'Tell what a planned run would determine, before it is made.'),
+    'calibrate': ('calibrate', 'Find noise, gains, directions and delays of the sensors.'),
     'replay': ('replay', 'Publish the samples of a bag on ROS 2 topics.'),
     'record': ('record', 'Record the topics of a stand in a bag.'),
     'import': ('import_file', 'Turn a recorded file of another program into a bag.'),

@@ -48,6 +48,32 @@ class BagRuns:
             The force is known all along, but for gaps that can be bridged.
 
         """
+        for samples, first_index in self._uninterrupted():
+            used = runs_with_force(
+                self.stream.layout, self.stream.sample_rate, samples, first_index
+            )
+            self.left_out += len(samples) - sum(len(record.samples) for record in used)
+            yield from used
+
+    def runs_of_any(self) -> Iterator[MeasuredRecord]:
+        """
+        Yield every run, whether the force is known or not.
+
+        Yields
+        ------
+        MeasuredRecord
+
+        """
+        for samples, first_index in self._uninterrupted():
+            if len(samples) >= SHORTEST_RUN:
+                yield MeasuredRecord(
+                    self.stream.layout, self.stream.sample_rate, samples, first_index
+                )
+            else:
+                self.left_out += len(samples)
+
+    def _uninterrupted(self) -> Iterator[tuple[NDArray[np.float64], int]]:
+        """Yield the samples between gaps, and the index of the first one."""
         parts: list[NDArray[np.float64]] = []
         first_index = count = 0
         for block in self.bag.blocks(self.stream.stream_id):
@@ -56,24 +82,17 @@ class BagRuns:
             )
             if not arrival.usable:
                 continue
-            if arrival is Arrival.AFTER_GAP or count + len(block.samples) > LONGEST_RUN:
-                yield from self._with_force(parts, first_index)
+            if parts and (
+                arrival is Arrival.AFTER_GAP or count + len(block.samples) > LONGEST_RUN
+            ):
+                yield np.concatenate(parts), first_index
                 parts, count = [], 0
             if not parts:
                 first_index = block.first_index
             parts.append(block.samples)
             count += len(block.samples)
-        yield from self._with_force(parts, first_index)
-
-    def _with_force(
-        self, parts: list[NDArray[np.float64]], first_index: int
-    ) -> Iterator[MeasuredRecord]:
-        if not parts:
-            return
-        samples = np.concatenate(parts)
-        used = runs_with_force(self.stream.layout, self.stream.sample_rate, samples, first_index)
-        self.left_out += len(samples) - sum(len(record.samples) for record in used)
-        yield from used
+        if parts:
+            yield np.concatenate(parts), first_index
 
 
 def runs_with_force(

@@ -191,7 +191,7 @@ def channel_delays(model: Model, record: MeasuredRecord) -> DelayEstimate:
     """
     delays = np.zeros(len(record.layout.sensors))
     for _ in range(MOST_ROUNDS):
-        spectra = segment_spectra(model, _advanced(record, delays))
+        spectra = segment_spectra(model, advanced(record, delays))
         size = len(spectra.channels)
         basis = np.repeat(np.eye(size)[:, np.newaxis, :], len(spectra.times), axis=1)
         nothing = _Prior(np.zeros((size, size)), np.zeros(size))
@@ -215,8 +215,22 @@ def channel_delays(model: Model, record: MeasuredRecord) -> DelayEstimate:
     )
 
 
-def _advanced(record: MeasuredRecord, delays: NDArray[np.float64]) -> MeasuredRecord:
-    """Move late readings to where they belong."""
+def advanced(record: MeasuredRecord, delays: NDArray[np.float64]) -> MeasuredRecord:
+    """
+    Move late readings to where they belong.
+
+    Parameters
+    ----------
+    record : MeasuredRecord
+    delays : ndarray, shape (n_channels,)
+        [s].
+
+    Returns
+    -------
+    MeasuredRecord
+        NaN where an edge or an invalid sample is within reach of the interpolation.
+
+    """
     samples = record.samples.copy()
     for channel in np.flatnonzero(delays):
         grid = Grid(float(delays[channel]) * record.sample_rate, 1.0)

@@ -25,6 +25,7 @@ CHUNKS = 3
 GAIN_TOLERANCE = 0.03
 FALSE_ALARMS_PER_HOUR = 0.01
 MISMATCHES = 4.0
+OWN_MISMATCHES = 3.0
 # Below it a factor does not describe what differs; it may be noise, or change within the stretch.
 LEAST_COHERENCE = 0.7
 INVERTED_FACTORS = (-1.5, -0.67)
@@ -104,6 +105,7 @@ class Consistency:
         self._means: deque[Reals] = deque(maxlen=MEANS)
         self._long_means: deque[Reals] = deque(maxlen=MEANS)
         self._gathered: list[Reals] = []
+        self._hums: deque[dict[int, dict[float, tuple[float, set[int]]]]] = deque(maxlen=CHUNKS)
         self._standing: dict[_Fault, Finding] = {}
         self._right: dict[_Fault, int] = {}
         self._gains: Gains | None = None
@@ -183,9 +185,12 @@ class Consistency:
         good = search.used.copy()
         named = {channel for channel, _ in shown}
         good |= valid & np.isin(np.arange(len(good)), list(set(search.left_out) - named))
-        mismatch = search.mismatch(search.comparison)
-        self._hum(every, good, mismatch, noise, shown, right)
-        self._drift(good, noise, shown, right)
+        mismatch = np.maximum(
+            MISMATCHES * search.mismatch(search.comparison),
+            OWN_MISMATCHES * search.own_mismatch(search.comparison),
+        )
+        self._hum(search.used, good, mismatch, noise, shown, right)
+        self._drift(search.used, good, noise, shown, right)
         self._update(shown, right)
 
     def _sums(
@@ -275,12 +280,14 @@ class Consistency:
         return result
 
     def _hum(
-        self, every: BandSums, good: Flags, mismatch: Reals, noise: Reals,
+        self, used: Flags, judged: Flags, mismatch: Reals, noise: Reals,
         shown: dict[_Fault, tuple[float, str, str]], right: set[_Fault],
     ) -> None:  # fmt: skip
-        lines: dict[int, dict[float, float]] = {}
-        rivals: dict[int, set[int]] = {}
-        told = np.ones(len(good), dtype=np.bool_)
+        """Look for hum in the newest chunk; it counts if the chunks before had it too."""
+        chunk = self._chunks[-1]
+        every = self._sums(chunk.products, chunk.power, len(chunk.means), noise, chunk.valid)
+        lines: dict[int, dict[float, tuple[float, set[int]]]] = {}
+        told = np.ones(len(used), dtype=np.bool_)
         for i, frequency in enumerate(self._spectra.lines):
             begin = len(self._spectra.bands) + 4 * i
             line = LineSums(
@@ -290,28 +297,39 @@ class Consistency:
             scale = self._spectra.omega[begin] ** self._redundancy.orders
             scale = scale * WINDOW[2] * self._spectra.length / 2
             found, clear = hum_at(
-                self._redundancy, line, good, mismatch, (HUM_SIZE * noise * scale) ** 2
+                self._redundancy, line, used, judged, mismatch, (HUM_SIZE * noise * scale) ** 2
             )
             told &= clear
             for channel, one in found.items():
+                told[[channel, *one.rivals]] = False
                 for suspect in (channel, *one.rivals):
                     amplitude = float(np.sqrt(one.size) / scale[suspect])
-                    lines.setdefault(suspect, {})[frequency] = amplitude
-                    rivals.setdefault(suspect, set()).update({channel, *one.rivals} - {suspect})
-        for channel, amplitudes in lines.items():
-            unit = self._layout.sensors[channel].kind.unit
-            sentence = self._sentences.hum(channel, amplitudes, sorted(rivals[channel]))
-            shown[channel, Condition.HUM] = (max(amplitudes.values()), unit, sentence)
-        clean = set(np.flatnonzero(told).tolist()) - set(lines)
-        right.update((int(channel), Condition.HUM) for channel in clean)
+                    others = {channel, *one.rivals} - {suspect}
+                    lines.setdefault(suspect, {})[frequency] = (amplitude, others)
+        self._hums.append(lines)
+        if len(self._hums) == CHUNKS:
+            for channel, own in lines.items():
+                lasting = {
+                    frequency: amplitude
+                    for frequency, (amplitude, _) in own.items()
+                    if all(frequency in before.get(channel, {}) for before in self._hums)
+                }
+                if lasting:
+                    rivals = set.intersection(*(own[frequency][1] for frequency in lasting))
+                    shown[channel, Condition.HUM] = (
+                        max(lasting.values()),
+                        self._layout.sensors[channel].kind.unit,
+                        self._sentences.hum(channel, lasting, sorted(rivals)),
+                    )
+        right.update((int(channel), Condition.HUM) for channel in np.flatnonzero(told))
 
     def _drift(
-        self, good: Flags, noise: Reals,
+        self, used: Flags, judged: Flags, noise: Reals,
         shown: dict[_Fault, tuple[float, str, str]], right: set[_Fault],
     ) -> None:  # fmt: skip
         # Noise of a mean under the window, of segments that overlap by half.
         share = np.sqrt((WINDOW**2).sum() / self._spectra.length) / WINDOW[2]
-        clean: Flags = good.copy()
+        clean: Flags = judged.copy()
         for means, size, averaged in (
             (self._means, DRIFT_SIZES[0], 1),
             (self._long_means, DRIFT_SIZES[1], MEANS_PER_MEAN),
@@ -320,7 +338,7 @@ class Consistency:
                 clean &= averaged > 1
                 continue
             found, told = drift_in(
-                self._redundancy, np.array(means), good, size * noise,
+                self._redundancy, np.array(means), used, judged, size * noise,
                 noise * share / np.sqrt(averaged),
             )  # fmt: skip
             clean &= told
@@ -339,9 +357,8 @@ class Consistency:
         first, last = self._chunks[0].first_index, self._chunks[-1].next_index
         for fault in [one for one in self._standing if one not in shown]:
             channel, condition = fault
-            replaced = condition in _RELATED and any(
-                (channel, other) in shown for other in _RELATED
-            )
+            # Also hum and drift are not told of a channel with another sign or gain.
+            replaced = any((channel, other) in shown for other in _RELATED)
             self._right[fault] = self._right.get(fault, 0) + 1 if fault in right else 0
             if replaced or self._right[fault] >= EVALUATIONS_TO_CLEAR:
                 del self._standing[fault], self._right[fault]

@@ -180,21 +180,25 @@ class Contradictions:
         beyond = found.error - self.sums.counts[:, np.newaxis] * found.noise
         return np.asarray(np.where(found.fit.told, beyond / found.fit.variance, 0.0).sum(axis=0))
 
-    def mismatch(self, found: Comparison) -> Reals:
-        """Estimate the usual relative error of the used channels of each channel's group."""
-        result = np.full(len(self._groups), USUAL_MISMATCH)
+    def own_mismatch(self, found: Comparison) -> Reals:
+        """Estimate each channel's error relative to the motion, shape (n_channels,)."""
         counts = self.sums.counts[:, np.newaxis]
         # Where there is no motion, noise tells nothing of it.
         weights = np.where(found.fit.told, found.mismatch / found.fit.variance**2, 0.0)
         excess = (weights * (found.error - counts * found.noise)).sum(axis=0)
         excess -= np.sqrt(CORRELATED * (counts * (weights * found.noise) ** 2).sum(axis=0))
         expected = (weights * counts * found.mismatch).sum(axis=0)
-        squares = np.clip(excess, 0.0, None) / np.maximum(expected, TINY)
+        return np.asarray(np.sqrt(np.clip(excess, 0.0, None) / np.maximum(expected, TINY)))
+
+    def mismatch(self, found: Comparison) -> Reals:
+        """Estimate the usual relative error of the used channels of each channel's group."""
+        result = np.full(len(self._groups), USUAL_MISMATCH)
+        every = self.own_mismatch(found)
         for group in np.unique(self._groups):
             members = self._groups == group
             judging = members & self.used & found.fit.told
             if judging.any():
-                result[members] = np.sqrt(np.median(squares[judging]))
+                result[members] = np.median(every[judging])
         return result
 
     def limit(self, found: Comparison) -> Reals:

@@ -14,7 +14,7 @@ LEAST_OF_MOTION = 0.05
 
 
 def drift_in(
-    redundancy: Redundancy, means: Reals, used: Flags, least: Reals, noise: Reals
+    redundancy: Redundancy, means: Reals, used: Flags, judged: Flags, least: Reals, noise: Reals
 ) -> tuple[dict[int, Suspect], Flags]:
     """
     Find channels whose mean walks, largest first, each left out before the next.
@@ -27,6 +27,9 @@ def drift_in(
     means : ndarray, shape (n_means, n_channels)
         Of the readings over equal times, in order; NaN: not valid.
     used : ndarray of bool, shape (n_channels,)
+        Channels that follow the motion: they predict the others.
+    judged : ndarray of bool, shape (n_channels,)
+        Channels in which drift is looked for.
     least : ndarray, shape (n_channels,)
         Smallest range of the three means that is called drift [SI].
     noise : ndarray, shape (n_channels,)
@@ -42,9 +45,9 @@ def drift_in(
     """
     rows = redundancy.by_kind(redundancy.rows)
     groups = redundancy.groups(rows)
-    remaining = used & np.isfinite(means).all(axis=0)
-    judged = remaining.copy()
-    values = np.where(remaining, means, 0.0)
+    whole = np.isfinite(means).all(axis=0)
+    remaining, judged = used & whole, judged & whole
+    values = np.where(whole, means, 0.0)
     parts = np.array_split(values, PARTS)
     three = np.stack([part.mean(axis=0) for part in parts])
     inside = np.concatenate([part - part.mean(axis=0) for part in parts])
@@ -65,15 +68,14 @@ def drift_in(
             (least, SIGNIFICANT * scatter, LEAST_OF_MOTION * np.sqrt(errors**2 @ moved**2))
         )
         shown = fit.told & judged & (ranges > limit)
-        if not all(shown[one] for one in rivals):
-            # What another channel had brought in.
-            rivals = {one: others for one, others in rivals.items() if shown[one]}
-            break
         weight = np.where(shown & remaining, ranges**2 / fit.variance[0], 0.0)
         new = most_suspect(weight, groups)
         if not new:
             break
         rivals |= new
         remaining[list(new)] = False
-    suspects = {i: Suspect(float(ranges[i]), others) for i, others in rivals.items()}
+    suspects = {
+        int(i): Suspect(float(ranges[i]), rivals.get(int(i), ()))
+        for i in np.flatnonzero(shown & ~remaining)
+    }
     return suspects, fit.told & judged & (limit <= 1.5 * least)

@@ -19,8 +19,7 @@ import numpy as np
 # overlapping segments below 4 times in all but one of 1e8 cases.
 OVER_SIDE = 6.0
 # Hum smaller than this share of the motion at its frequency may be a wrong gain or direction.
-LEAST_OF_MOTION = 0.05
-MISMATCHES = 4.0
+LEAST_OF_MOTION = 0.01
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,12 @@ class LineSums:
 
 
 def hum_at(
-    redundancy: Redundancy, line: LineSums, used: Flags, mismatch: Reals, least: Reals
+    redundancy: Redundancy,
+    line: LineSums,
+    used: Flags,
+    judged: Flags,
+    mismatch: Reals,
+    least: Reals,
 ) -> tuple[dict[int, Suspect], Flags]:
     """
     Find channels with hum at one line, largest first, each left out before the next.
@@ -54,9 +58,11 @@ def hum_at(
     redundancy : Redundancy
     line : LineSums
     used : ndarray of bool, shape (n_channels,)
-        Channels that follow the motion.
+        Channels that follow the motion: they predict the others.
+    judged : ndarray of bool, shape (n_channels,)
+        Channels in which hum is looked for.
     mismatch : ndarray, shape (n_channels,)
-        Relative error that is usual.
+        Largest error relative to the motion that is no hum.
     least : ndarray, shape (n_channels,)
         Smallest power of hum, as that of a spectrum.
 
@@ -71,7 +77,7 @@ def hum_at(
     motion = motion_at_sensors(redundancy, line.at)
     variance = np.maximum(line.at.noise + USUAL_MISMATCH**2 * motion, TINY)
     groups = redundancy.groups(redundancy.rows)
-    share = np.maximum(LEAST_OF_MOTION, MISMATCHES * mismatch) ** 2
+    share = np.maximum(LEAST_OF_MOTION, mismatch) ** 2
     remaining = used.copy()
     rivals: dict[int, tuple[int, ...]] = {}
     while True:
@@ -83,19 +89,18 @@ def hum_at(
         }  # fmt: skip
         levels = {name: one.error[0] / getattr(line, name).counts[0] for name, one in mean.items()}
         floor = np.maximum(levels['beside'], mean['at'].noise[0])
-        power = np.where(fit.told & used, levels['at'] - floor, 0.0)
+        power = np.where(fit.told & judged, levels['at'] - floor, 0.0)
         limit = np.maximum.reduce((least, (OVER_SIDE - 1) * floor, share * mean['at'].mismatch[0]))
         centred = levels['at'] > np.maximum(levels['below'], levels['above'])
         shown = (power > limit) & centred
-        if not all(shown[one] for one in rivals):
-            # What another channel had brought in.
-            rivals = {one: others for one, others in rivals.items() if shown[one]}
-            break
         weight = np.where(shown & remaining, power / fit.variance[0], 0.0)
         new = most_suspect(weight, groups)
         if not new:
             break
         rivals |= new
         remaining[list(new)] = False
-    told = fit.told & used & (limit <= 1.5 * least)
-    return {i: Suspect(float(power[i]), others) for i, others in rivals.items()}, told
+    found = {
+        int(i): Suspect(float(power[i]), rivals.get(int(i), ()))
+        for i in np.flatnonzero(shown & ~remaining)
+    }
+    return found, fit.told & judged & (limit <= 1.5 * least)

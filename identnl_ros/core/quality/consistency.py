@@ -1,0 +1,385 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Faults of channels that show in the motion of rigid bodies, while data arrive."""
+
+from collections import deque
+from collections.abc import Sequence
+
+from identnl_ros.core.errors import DataError
+from identnl_ros.core.measurement.layout import Layout
+from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.quality.condition import Condition, Finding
+from identnl_ros.core.quality.consistency_sentences import Sentences
+from identnl_ros.core.quality.consistency_spectra import Chunk, Spectra, WINDOW
+from identnl_ros.core.quality.contradictions import BandSums, Contradictions, Gains
+from identnl_ros.core.quality.drift import drift_in
+from identnl_ros.core.quality.hum import hum_at, LineSums
+from identnl_ros.core.quality.leave_one_out import Flags, Reals
+from identnl_ros.core.quality.redundancy import redundancy
+import numpy as np
+from scipy.stats import norm
+
+# Chunks that are judged together: about 6 s.
+CHUNKS = 3
+# Relative error of a gain that is no fault.
+GAIN_TOLERANCE = 0.03
+FALSE_ALARMS_PER_HOUR = 0.01
+MISMATCHES = 4.0
+OWN_MISMATCHES = 3.0
+# Below it a factor does not describe what differs; it may be noise, or change within the stretch.
+LEAST_COHERENCE = 0.7
+INVERTED_FACTORS = (-1.5, -0.67)
+# Share of the contradiction that may remain if two channels are exchanged.
+EXCHANGED = 0.1
+# A channel is right if its factor is known at least so well and no fault is seen.
+HEALTHY = 0.3
+# Smallest amplitude of hum, and drift in half a minute and in half an hour, over the noise of a
+# sample.
+HUM_SIZE = 0.5
+DRIFT_SIZES = (1.0, 5.0)
+# Means kept of either length, and those it takes to tell a drift.
+MEANS = 75
+LEAST_MEANS = 24
+# A longer mean is over so many.
+MEANS_PER_MEAN = 60
+# A finding goes when so many evaluations in a row find the channel right.
+EVALUATIONS_TO_CLEAR = 3
+
+# A fault of a channel: the channel and what it is.
+_Fault = tuple[int, Condition]
+_RELATED = (Condition.INVERTED, Condition.SWAPPED, Condition.GAIN)
+
+
+class Consistency:
+    """
+    Predict every channel from the others and name those that contradict.
+
+    All motion sensors are brought to spectra of acceleration; the motion of the rigid bodies is
+    eliminated, whatever it is. Channels are left out until the rest agrees; what is left out is
+    compared with what the rest says.
+
+    Parameters
+    ----------
+    model : Model
+        Its geometry is used, no joint.
+    layout : Layout
+    sample_rate : float
+        [Hz].
+    gain_tolerance : float
+        Relative error of a gain that is no fault.
+    false_alarms_per_hour : float
+        Of all channels together, under sensor noise.
+
+    Raises
+    ------
+    LayoutError
+        If a sensor does not fit the machine.
+
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        layout: Layout,
+        sample_rate: float,
+        gain_tolerance: float = GAIN_TOLERANCE,
+        false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+    ) -> None:
+        self._layout = layout
+        self._redundancy = redundancy(model, layout)
+        self._spectra = Spectra(layout, self._redundancy.orders, sample_rate)
+        self._rate = sample_rate
+        self._tolerance = gain_tolerance
+        links = self._redundancy.links(self._redundancy.rows)
+        alike = self._redundancy.links(self._redundancy.by_kind(self._redundancy.rows))
+        names = [sensor.name for sensor in layout.sensors]
+        self.checkable: dict[str, tuple[str, ...]] = _named(links, names)
+        """Channels that each is checked against; none: nothing tells whether it is right."""
+        self.drift_checkable: dict[str, tuple[str, ...]] = _named(alike, names)
+        """The same for drift, which only sensors of the same kind tell."""
+        seconds = 5 * self._spectra.hop / sample_rate
+        tests = len(names) * 3600 / seconds
+        self._significant = float(norm.isf(min(0.1, false_alarms_per_hour / tests / 2)))
+        self._sentences = Sentences(layout)
+        self._chunks: deque[Chunk] = deque(maxlen=CHUNKS)
+        self._means: deque[Reals] = deque(maxlen=MEANS)
+        self._long_means: deque[Reals] = deque(maxlen=MEANS)
+        self._gathered: list[Reals] = []
+        self._hums: deque[dict[int, dict[float, tuple[float, set[int]]]]] = deque(maxlen=CHUNKS)
+        self._standing: dict[_Fault, Finding] = {}
+        self._right: dict[_Fault, int] = {}
+        self._gains: Gains | None = None
+
+    def add(self, first_index: int, samples: Reals) -> None:
+        """
+        Take consecutive samples.
+
+        Parameters
+        ----------
+        first_index : int
+            Of the first sample; if it does not follow the last one, samples are missing.
+        samples : ndarray, shape (n_samples, n_channels)
+            [SI]; NaN: left out. Up to 5 in a row are bridged; a channel with longer gaps is not
+            judged until these are 6 s old.
+
+        Raises
+        ------
+        DataError
+            If the samples do not have the channels of the layout.
+
+        """
+        count = len(self._layout.sensors)
+        if samples.ndim != 2 or samples.shape[1] != count:
+            raise DataError(
+                f'samples have the shape {samples.shape}, expected (number of samples, {count}): '
+                f'one column for every channel of layout {self._layout.stand}'
+            )
+        for chunk in self._spectra.add(first_index, samples):
+            self._chunks.append(chunk)
+            self._keep(chunk.means)
+            self._evaluate()
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Faults that stand now, in the order of the channels."""
+        return tuple(self._standing[one] for one in sorted(self._standing))
+
+    @property
+    def gains(self) -> dict[str, tuple[float, float]]:
+        """
+        Factor between each channel and what the others say, and its standard deviation.
+
+        NaN: not told, since nothing checks the channel or there is no motion.
+        """
+        result = {sensor.name: (np.nan, np.nan) for sensor in self._layout.sensors}
+        if self._gains is not None:
+            spread = np.hypot(self._gains.standard_deviation, self._gains.uncertainty)
+            for sensor, value, one in zip(
+                self._layout.sensors, self._gains.value, spread, strict=True
+            ):
+                if np.isfinite(value):
+                    result[sensor.name] = (float(value), float(one))
+        return result
+
+    def _keep(self, means: Reals) -> None:
+        for mean in means:
+            self._means.append(mean)
+            self._gathered.append(mean)
+            if len(self._gathered) == MEANS_PER_MEAN:
+                self._long_means.append(np.mean(self._gathered, axis=0))
+                self._gathered = []
+
+    def _evaluate(self) -> None:
+        noise = self._spectra.noise
+        largest = np.max([chunk.largest for chunk in self._chunks], axis=0)
+        valid = np.all([chunk.valid for chunk in self._chunks], axis=0) & np.isfinite(noise)
+        # Below it is rounding.
+        noise = np.maximum(np.where(np.isfinite(noise), noise, 1.0), 1e-9 * largest)
+        bands = len(self._spectra.bands)
+        products = sum(chunk.products for chunk in self._chunks)
+        power = sum(chunk.power for chunk in self._chunks)
+        segments = sum(len(chunk.means) for chunk in self._chunks)
+        every = self._sums(np.asarray(products), np.asarray(power), segments, noise, valid)
+        search = Contradictions(self._redundancy, _part(every, slice(0, bands)), self._tolerance)
+        self._gains = search.gains()
+        shown, right = self._wrong_factors(search)
+        good = search.used.copy()
+        named = {channel for channel, _ in shown}
+        good |= valid & np.isin(np.arange(len(good)), list(set(search.left_out) - named))
+        mismatch = np.maximum(
+            MISMATCHES * search.mismatch(search.comparison),
+            OWN_MISMATCHES * search.own_mismatch(search.comparison),
+        )
+        self._hum(search.used, good, mismatch, noise, shown, right)
+        self._drift(search.used, good, noise, shown, right)
+        self._update(shown, right)
+
+    def _sums(
+        self, products: Reals, power: Reals, segments: int, noise: Reals, valid: Flags
+    ) -> BandSums:
+        orders = self._redundancy.orders
+        counts = self._spectra.bins_per_sum * segments
+        total = np.where(power[:, :1] > 0, power[:, :1], 1.0)
+        at_motion = (power[:, 1:] / total)[:, orders]
+        keep = np.outer(valid, valid)
+        return BandSums(
+            np.where(keep, products, 0.0),
+            counts,
+            noise**2 * self._spectra.noise_power,
+            noise**2 * at_motion,
+            valid,
+        )
+
+    def _wrong_factors(
+        self, search: Contradictions
+    ) -> tuple[dict[_Fault, tuple[float, str, str]], set[_Fault]]:
+        gains = search.gains()
+        shown: dict[_Fault, tuple[float, str, str]] = {}
+        limit = np.sqrt(
+            (self._significant * gains.standard_deviation) ** 2
+            + (MISMATCHES * gains.uncertainty) ** 2
+        )
+        pairs = self._exchanged(search)
+        for one, other in pairs.items():
+            both = all(self._inverted(gains, limit, channel) for channel in (one, other))
+            shown[one, Condition.SWAPPED] = (
+                float('nan'), '', self._sentences.swapped(one, other, both),
+            )  # fmt: skip
+        for channel in search.left_out:
+            if channel in pairs or not gains.coherence[channel] > LEAST_COHERENCE:
+                continue
+            spread = float(np.hypot(gains.standard_deviation, gains.uncertainty)[channel])
+            value = float(gains.value[channel])
+            if self._inverted(gains, limit, channel):
+                condition = Condition.INVERTED
+            elif (
+                gains.low[channel] - limit[channel] > 1 + self._tolerance
+                or gains.high[channel] + limit[channel] < 1 - self._tolerance
+            ):
+                condition = Condition.GAIN
+            else:
+                continue
+            rivals = search.rivals(channel)
+            for suspect in (channel, *rivals):
+                alike = [one for one in (channel, *rivals) if one != suspect]
+                factor = value if suspect == channel or not value else 1 / value
+                sentence = self._sentences.factor(
+                    suspect, condition, factor, spread * abs(factor / value), alike
+                )
+                shown[suspect, condition] = (factor, '1', sentence)
+        wrong = {channel for channel, _ in shown}
+        right = {
+            (channel, condition)
+            for channel in np.flatnonzero(search.used & (limit < HEALTHY))
+            for condition in _RELATED
+            if int(channel) not in wrong
+        }
+        return shown, {(int(channel), condition) for channel, condition in right}
+
+    def _inverted(self, gains: Gains, limit: Reals, channel: int) -> bool:
+        return bool(
+            gains.coherence[channel] > LEAST_COHERENCE
+            and gains.high[channel] + limit[channel] < 0
+            and INVERTED_FACTORS[0] < gains.value[channel] < INVERTED_FACTORS[1]
+        )
+
+    def _exchanged(self, search: Contradictions) -> dict[int, int]:
+        """Pair channels of a kind that explain each other."""
+        kinds, told = self._redundancy.kinds, search.comparison.fit.told
+        result: dict[int, int] = {}
+        for one in search.left_out:
+            others = np.flatnonzero((kinds == kinds[one]) & told & search.sums.valid)
+            remaining = {
+                int(other): search.exchange(one, int(other))
+                for other in others
+                if other != one and int(other) not in result
+            }
+            if one not in result and remaining:
+                best = min(remaining, key=lambda other: remaining[other])
+                if remaining[best] < EXCHANGED:
+                    result[one], result[best] = best, one
+        return result
+
+    def _hum(
+        self, used: Flags, judged: Flags, mismatch: Reals, noise: Reals,
+        shown: dict[_Fault, tuple[float, str, str]], right: set[_Fault],
+    ) -> None:  # fmt: skip
+        """Look for hum in the newest chunk; it counts if the chunks before had it too."""
+        chunk = self._chunks[-1]
+        every = self._sums(chunk.products, chunk.power, len(chunk.means), noise, chunk.valid)
+        lines: dict[int, dict[float, tuple[float, set[int]]]] = {}
+        told = np.ones(len(used), dtype=np.bool_)
+        for i, frequency in enumerate(self._spectra.lines):
+            begin = len(self._spectra.bands) + 4 * i
+            line = LineSums(
+                frequency, *(_part(every, slice(begin + k, begin + k + 1)) for k in range(4))
+            )
+            # Spectrum of a sine of amplitude 1.
+            scale = self._spectra.omega[begin] ** self._redundancy.orders
+            scale = scale * WINDOW[2] * self._spectra.length / 2
+            found, clear = hum_at(
+                self._redundancy, line, used, judged, mismatch, (HUM_SIZE * noise * scale) ** 2
+            )
+            told &= clear
+            for channel, one in found.items():
+                told[[channel, *one.rivals]] = False
+                for suspect in (channel, *one.rivals):
+                    amplitude = float(np.sqrt(one.size) / scale[suspect])
+                    others = {channel, *one.rivals} - {suspect}
+                    lines.setdefault(suspect, {})[frequency] = (amplitude, others)
+        self._hums.append(lines)
+        if len(self._hums) == CHUNKS:
+            for channel, own in lines.items():
+                lasting = {
+                    frequency: amplitude
+                    for frequency, (amplitude, _) in own.items()
+                    if all(frequency in before.get(channel, {}) for before in self._hums)
+                }
+                if lasting:
+                    rivals = set.intersection(*(own[frequency][1] for frequency in lasting))
+                    shown[channel, Condition.HUM] = (
+                        max(lasting.values()),
+                        self._layout.sensors[channel].kind.unit,
+                        self._sentences.hum(channel, lasting, sorted(rivals)),
+                    )
+        right.update((int(channel), Condition.HUM) for channel in np.flatnonzero(told))
+
+    def _drift(
+        self, used: Flags, judged: Flags, noise: Reals,
+        shown: dict[_Fault, tuple[float, str, str]], right: set[_Fault],
+    ) -> None:  # fmt: skip
+        # Noise of a mean under the window, of segments that overlap by half.
+        share = np.sqrt((WINDOW**2).sum() / self._spectra.length) / WINDOW[2]
+        clean: Flags = judged.copy()
+        for means, size, averaged in (
+            (self._means, DRIFT_SIZES[0], 1),
+            (self._long_means, DRIFT_SIZES[1], MEANS_PER_MEAN),
+        ):
+            if len(means) < LEAST_MEANS:
+                clean &= averaged > 1
+                continue
+            found, told = drift_in(
+                self._redundancy, np.array(means), used, judged, size * noise,
+                noise * share / np.sqrt(averaged),
+            )  # fmt: skip
+            clean &= told
+            hop = self._spectra.hop * averaged * len(means)
+            for channel, one in found.items():
+                for suspect in (channel, *one.rivals):
+                    clean[suspect] = False
+                    alike = [k for k in (channel, *one.rivals) if k != suspect]
+                    sentence = self._sentences.drift(suspect, one.size, hop / self._rate, alike)
+                    unit = self._layout.sensors[suspect].kind.unit
+                    shown[suspect, Condition.DRIFT] = (one.size, unit, sentence)
+        right.update((int(channel), Condition.DRIFT) for channel in np.flatnonzero(clean))
+
+    def _update(self, shown: dict[_Fault, tuple[float, str, str]], right: set[_Fault]) -> None:
+        """Let findings appear at once, and go when the channel has been right for a while."""
+        first, last = self._chunks[0].first_index, self._chunks[-1].next_index
+        for fault in [one for one in self._standing if one not in shown]:
+            channel, condition = fault
+            # Also hum and drift are not told of a channel with another sign or gain.
+            replaced = any((channel, other) in shown for other in _RELATED)
+            self._right[fault] = self._right.get(fault, 0) + 1 if fault in right else 0
+            if replaced or self._right[fault] >= EVALUATIONS_TO_CLEAR:
+                del self._standing[fault], self._right[fault]
+        for (channel, condition), (amount, unit, sentence) in shown.items():
+            before = self._standing.get((channel, condition))
+            self._right.pop((channel, condition), None)
+            self._standing[channel, condition] = Finding(
+                self._layout.sensors[channel].name, condition,
+                before.first_index if before else first, last, amount, unit, sentence,
+            )  # fmt: skip
+
+
+def _part(sums: BandSums, which: slice) -> BandSums:
+    return BandSums(
+        sums.products[which], sums.counts[which], sums.noise[which],
+        sums.noise_at_motion[which], sums.valid,
+    )  # fmt: skip
+
+
+def _named(links: Flags, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    return {
+        name: tuple(names[j] for j in np.flatnonzero(row).tolist())
+        for name, row in zip(names, links, strict=True)
+    }

@@ -1,0 +1,437 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""
+Faults of channels that show in the motion of rigid bodies: what is found, what is not.
+
+A record of every machine is simulated once, periodic and settled, and repeated; every trial draws
+fresh noise, a channel and a fault, which begins after 3 to 5 s. A trial counts as named if, at its
+end, the findings are exactly those of the fault.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache
+import os
+
+os.environ.setdefault('OMP_NUM_THREADS', '1')
+
+import click
+from identnl_ros.core.measurement.complete_layout import complete_layout
+from identnl_ros.core.measurement.layout import Layout
+from identnl_ros.core.measurement.observation import sensor_matrix
+from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.quality.condition import Condition
+from identnl_ros.core.quality.consistency import Consistency
+from identnl_ros.core.simulation.excitation import Impulses, multisine, Signal, sine, Sweep
+from identnl_ros.core.simulation.stand import MOTION_KINDS, SimulatedStand
+from identnl_ros.storage.layout_file import load_layout
+from identnl_ros.storage.machine_file import load_machine
+from identnl_ros.storage.shipped import shipped_config
+from monte_carlo import RATE, Reals, RESULTS, SEED
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+PERIOD = 2.0  # s, of all excitations
+SETTLING = 8.0  # s, after which 1e-8 of the start is left
+BLOCK = 2000
+MACHINES = ('knee_column', 'three_body', 'complete')
+EXCITATIONS = ('multisine', 'sine', 'sweep', 'impulse')
+FAULTS = ('inverted', 'two inverted', 'swapped', 'gain', 'hum', 'drift')
+WITHOUT = ('clean', 'quiet', 'inexact')
+LATEST = 10.5  # s after the fault begins; drift: 32 s
+# Swapped channels differ by this share of the larger; gains are 5 to 20 % off either way.
+LEAST_DIFFERENCE = 0.2
+# Hum: 1 to 5 times the noise of a sample, more this share of the motion near its frequency.
+LEAST_HUM = 0.05
+
+
+@dataclass(frozen=True)
+class Task:
+    """
+    One trial.
+
+    Parameters
+    ----------
+    fault, machine, excitation : str
+    seed : int
+    duration : float
+        Of a trial without fault [s].
+
+    """
+
+    fault: str
+    machine: str
+    excitation: str
+    seed: int
+    duration: float = 0.0
+
+
+@dataclass(frozen=True)
+class Result:
+    """
+    What a trial has shown.
+
+    Parameters
+    ----------
+    task : Task
+    expected, found : tuple of str
+        Channel and condition.
+    delay : float
+        From the begin of the fault to the right findings [s]; NaN: never.
+    named : bool
+
+    """
+
+    task: Task
+    expected: tuple[str, ...]
+    found: tuple[str, ...]
+    delay: float
+    named: bool
+
+
+@cache
+def prepared(machine: str, excitation: str) -> tuple[Model, Layout, Reals]:
+    """
+    Simulate one period of the settled motion, read by perfect sensors.
+
+    Parameters
+    ----------
+    machine, excitation : str
+
+    Returns
+    -------
+    Model
+    Layout
+    ndarray, shape (n_samples, n_channels)
+
+    """
+    name = 'knee_column' if machine == 'complete' else machine
+    model = assemble(load_machine(shipped_config(f'{name}.yaml')).machine)
+    layout = load_layout(shipped_config(f'{name}_layout.yaml')).layout
+    if machine == 'complete':
+        layout = complete_layout(model.machine)
+    point = model.machine.excitations[0]
+    generator = np.random.default_rng(7)
+    signal: Signal = {
+        'multisine': multisine(point.amplitude, point.band, PERIOD, generator),
+        'sine': sine(point.amplitude, 40.0),
+        'sweep': Sweep(point.amplitude, point.band, PERIOD),
+        'impulse': Impulses(10 * point.amplitude, 2e-3, 1.0),
+    }[excitation]
+    signals = (signal,) * len(model.machine.excitations)
+    stand = SimulatedStand(model, layout.with_noise_times(0.0), signals, RATE, 0, 1)
+    stand.read(int(SETTLING * RATE))
+    return model, layout, stand.read(int(PERIOD * RATE)).samples
+
+
+def inexact(model: Model, layout: Layout, clean: Reals, generator: np.random.Generator) -> Reals:
+    """
+    Give the readings of sensors 1 degree, 1 % and up to 25 us off.
+
+    Parameters
+    ----------
+    model : Model
+    layout : Layout
+        As the user believes the sensors to be.
+    clean : ndarray, shape (n_samples, n_channels)
+        One period.
+    generator : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (n_samples, n_channels)
+
+    """
+    result = clean.copy()
+    omega = 2 * np.pi * np.fft.rfftfreq(len(clean), 1 / RATE)
+    for kind in MOTION_KINDS:
+        channels = list(layout.of_kind(kind))
+        sensors = tuple(layout.sensors[i] for i in channels)
+        turned = tuple(
+            replace(one, direction=one.direction + np.radians(1.0) * across(one.direction, draw))
+            for one, draw in zip(sensors, generator.normal(size=(len(sensors), 3)), strict=True)
+        )
+        motion = clean[:, channels] @ np.linalg.pinv(sensor_matrix(model, sensors)).T
+        result[:, channels] = motion @ sensor_matrix(model, turned).T
+    result *= 1 + 0.01 * generator.normal(size=result.shape[1])
+    late = generator.uniform(-25e-6, 25e-6, result.shape[1])
+    spectra = np.fft.rfft(result, axis=0) * np.exp(-1j * np.outer(omega, late))
+    return np.fft.irfft(spectra, len(clean), axis=0)
+
+
+def across(direction: Reals, draw: Reals) -> Reals:
+    """
+    Make a unit vector at right angles.
+
+    Parameters
+    ----------
+    direction, draw : ndarray, shape (3,)
+
+    Returns
+    -------
+    ndarray, shape (3,)
+
+    """
+    left = draw - (draw @ direction) * direction
+    return np.asarray(left / np.linalg.norm(left))
+
+
+def fault_of(
+    task: Task, layout: Layout, clean: Reals, checkable: Sequence[str],
+    generator: np.random.Generator,
+) -> tuple[Callable[[Reals, Reals], Reals], tuple[str, ...]]:  # fmt: skip
+    """
+    Draw a fault.
+
+    Parameters
+    ----------
+    task : Task
+    layout : Layout
+    clean : ndarray, shape (n_samples, n_channels)
+    checkable : sequence of str
+        Channels to choose from.
+    generator : numpy.random.Generator
+
+    Returns
+    -------
+    callable
+        Readings and times since the fault began to faulty readings.
+    tuple of str
+        What should be said.
+
+    """
+    names = [sensor.name for sensor in layout.sensors]
+    one, other = (names.index(i) for i in generator.choice(checkable, 2, replace=False))
+    noise = layout.sensors[one].noise
+    factors = np.ones(len(names))
+    if task.fault in ('inverted', 'two inverted'):
+        wrong = [one, other][: 1 + (task.fault == 'two inverted')]
+        factors[wrong] = -1
+        return lambda y, t: y * factors, tuple(f'{names[i]} INVERTED' for i in wrong)
+    if task.fault == 'gain':
+        factors[one] = 1 + generator.uniform(0.05, 0.2) * generator.choice((-1, 1))
+        return lambda y, t: y * factors, (f'{names[one]} GAIN',)
+    if task.fault == 'hum':
+        frequency = generator.choice((50, 60)) + generator.uniform(-0.4, 0.4)
+        near = motion_near(layout, clean, one, float(frequency))
+        size = noise * generator.uniform(1, 5) + LEAST_HUM * near
+        return (
+            lambda y, t: added(y, one, size * np.sin(2 * np.pi * frequency * t)),
+            (f'{names[one]} HUM',),
+        )
+    if task.fault == 'drift':
+        size = noise * generator.uniform(3, 10) * generator.choice((-1, 1))
+        return lambda y, t: added(y, one, size * t / 30), (f'{names[one]} DRIFT',)
+    moving = clean - clean.mean(axis=0)
+    others = [
+        i for i, sensor in enumerate(layout.sensors)
+        if sensor.kind is layout.sensors[one].kind and i != one and names[i] in checkable
+        and np.std(moving[:, i] - moving[:, one])
+        > LEAST_DIFFERENCE * max(np.std(moving[:, i]), np.std(moving[:, one]))
+    ]  # fmt: skip
+    other = int(generator.choice(others))
+    order = np.arange(len(names))
+    order[[one, other]] = other, one
+    return lambda y, t: y[:, order], (f'{names[one]} SWAPPED', f'{names[other]} SWAPPED')
+
+
+def motion_near(layout: Layout, clean: Reals, channel: int, frequency: float) -> float:
+    """
+    Find the largest amplitude of the sensors of a kind on a body, within 4 Hz of a frequency.
+
+    Parameters
+    ----------
+    layout : Layout
+    clean : ndarray, shape (n_samples, n_channels)
+    channel : int
+    frequency : float
+        [Hz].
+
+    Returns
+    -------
+    float
+        [SI].
+
+    """
+    own = layout.sensors[channel]
+    alike = [
+        i for i, one in enumerate(layout.sensors)
+        if (one.kind, one.body) == (own.kind, own.body)
+    ]  # fmt: skip
+    near = np.abs(np.fft.rfftfreq(len(clean), 1 / RATE) - frequency) < 4
+    spectra = np.fft.rfft(clean[:, alike], axis=0)[near] * 2 / len(clean)
+    return float(np.sqrt((np.abs(spectra) ** 2).sum(axis=0).max()))
+
+
+def added(readings: Reals, channel: int, values: Reals) -> Reals:
+    """
+    Add to one channel.
+
+    Parameters
+    ----------
+    readings : ndarray, shape (n_samples, n_channels)
+    channel : int
+    values : ndarray, shape (n_samples,)
+
+    Returns
+    -------
+    ndarray, shape (n_samples, n_channels)
+
+    """
+    result = readings.copy()
+    result[:, channel] += values
+    return result
+
+
+def run(task: Task) -> Result:
+    """
+    Let one record pass.
+
+    Parameters
+    ----------
+    task : Task
+
+    Returns
+    -------
+    Result
+
+    """
+    model, layout, clean = prepared(task.machine, task.excitation)
+    generator = np.random.default_rng([SEED, task.seed])
+    watch = Consistency(model, layout, RATE)
+    noise = np.array([sensor.noise for sensor in layout.sensors])
+    begin, end, expected = task.duration, task.duration, ()
+    if task.fault in FAULTS:
+        table = watch.drift_checkable if task.fault == 'drift' else watch.checkable
+        change, expected = fault_of(
+            task, layout, clean, [name for name, others in table.items() if others], generator
+        )
+        begin = generator.uniform(3, 5)
+        end = begin + (32 if task.fault == 'drift' else LATEST)
+    elif task.fault == 'inexact':
+        clean = inexact(model, layout, clean, generator)
+    elif task.fault == 'quiet':
+        clean, noise = 0 * clean, noise * generator.uniform(0.7, 3)
+    delay = np.nan
+    every: set[str] = set()
+    found: tuple[str, ...] = ()
+    for index in range(0, int(end * RATE), BLOCK):
+        places = index + np.arange(BLOCK)
+        readings = clean[places % len(clean)]
+        time = places / RATE - begin
+        if time[-1] > 0:
+            faulty = change(readings, time)
+            readings = np.where((time > 0)[:, np.newaxis], faulty, readings)
+        watch.add(index, readings + noise * generator.standard_normal(readings.shape))
+        found = tuple(f'{one.channel} {Condition(one.condition).name}' for one in watch.findings())
+        every |= set(found)
+        if expected and np.isnan(delay) and set(found) == set(expected):
+            delay = time[-1]
+    if not expected:
+        found = tuple(sorted(every))
+    return Result(task, expected, found, delay, set(found) == set(expected))
+
+
+def table(results: Sequence[Result]) -> str:
+    """
+    Count.
+
+    Parameters
+    ----------
+    results : sequence of Result
+
+    Returns
+    -------
+    str
+
+    """
+    lines = [
+        '| fault | machine | excitation | trials | named | missed | else | '
+        'seconds to the finding: median, largest |',
+        '| --- | --- | --- | --- | --- | --- | --- | --- |',
+    ]
+    cells = sorted({(one.task.fault, one.task.machine, one.task.excitation) for one in results})
+    for cell in cells:
+        own = [
+            one for one in results
+            if (one.task.fault, one.task.machine, one.task.excitation) == cell
+        ]  # fmt: skip
+        named = sum(one.named for one in own)
+        missed = sum(not one.named and not one.found for one in own)
+        delays = [one.delay for one in own if np.isfinite(one.delay)]
+        times = f'{np.median(delays):.1f}, {max(delays):.1f}' if delays else ''
+        lines.append(
+            f'| {" | ".join(cell)} | {len(own)} | {named} | {missed} | '
+            f'{len(own) - named - missed} | {times} |'
+        )
+    return '\n'.join(lines)
+
+
+def tasks_of(faults: Sequence[str], runs: int, hours: float) -> list[Task]:
+    """
+    List the trials.
+
+    Parameters
+    ----------
+    faults : sequence of str
+    runs : int
+        Of every fault with every machine and excitation.
+    hours : float
+        Of clean data of every machine with the multisine.
+
+    Returns
+    -------
+    list of Task
+
+    """
+    tasks = []
+    for fault in faults:
+        for machine in MACHINES:
+            for excitation in EXCITATIONS:
+                if fault == 'quiet' and excitation != 'multisine':
+                    continue
+                duration = 60.0 if fault == 'quiet' else 20.0
+                if fault == 'clean':
+                    duration = 3600 * hours if excitation == 'multisine' else 360 * hours
+                count = 1 if fault == 'clean' else runs
+                tasks += [
+                    Task(fault, machine, excitation, seed, duration) for seed in range(count)
+                ]
+    return tasks
+
+
+@click.command()
+@click.option(
+    '--fault', 'faults', multiple=True, type=click.Choice(FAULTS + WITHOUT),
+    default=FAULTS + WITHOUT,
+)  # fmt: skip
+@click.option('--runs', type=click.IntRange(min=1), default=50, show_default=True)
+@click.option('--hours', type=click.FloatRange(min=0.001), default=1.0, show_default=True)
+@click.option('--processes', type=click.IntRange(min=1), default=2, show_default=True)
+@click.option('--out', default='data_quality_consistency', show_default=True)
+def command(faults: Sequence[str], runs: int, hours: float, processes: int, out: str) -> None:
+    """Draw faults, let records pass, count."""
+    console = Console(stderr=True)
+    tasks = tasks_of(faults, runs, hours)
+    with ProcessPoolExecutor(processes) as pool:
+        done = pool.map(run, tasks, chunksize=2)
+        results = list(track(done, total=len(tasks), console=console, transient=True))
+    text = ['# Consistency of channels', __doc__ or '', table(results)]
+    misses = [
+        f'* {one.task.fault}, {one.task.machine}, {one.task.excitation}, seed {one.task.seed}: '
+        f'expected {", ".join(one.expected) or "nothing"}; '
+        f'found {", ".join(one.found) or "nothing"}.'
+        for one in results
+        if not one.named
+    ]
+    if misses:
+        text += ['## What was not named rightly', '\n'.join(misses)]
+    (RESULTS / f'{out}.md').write_text('\n\n'.join(text) + '\n')
+    console.print(table(results))
+
+
+if __name__ == '__main__':
+    command()

@@ -34,28 +34,24 @@ class OpenDaqDevice:
         Names of signals; empty: all that have a time base.
     sample_rate : float
         To set [Hz]; 0: leave it.
-    silence : float
-        The device counts as lost when no sample comes for so long [s]; 0: never.
     sdk : module
         The openDAQ SDK.
 
     """
 
     def __init__(
-        self, address: str, channels: tuple[str, ...], sample_rate: float, silence: float, sdk: Any
+        self, address: str, channels: tuple[str, ...], sample_rate: float, sdk: Any
     ) -> None:
         self._address = address
         self._wanted = channels
         self._wanted_rate = sample_rate
-        self._silence = silence
         self._sdk = sdk
         self._connection: Connection | None = None
         self._reader: Any = None
         self._clock: DomainClock | None = None
         self._origin_ns: int | None = None
-        self._last_tick: int | None = None
+        self._has_begun = False
         self._ready: deque[DeviceBlock] = deque()
-        self._heard = 0.0
 
     @property
     def name(self) -> str:
@@ -86,7 +82,6 @@ class OpenDaqDevice:
             if clock != self._clock:
                 self._clock, self._origin_ns = clock, clock.origin_ns
             self._reader = self._make_reader(list(signals.values()))
-            self._heard = time.monotonic()
             return tuple(
                 DeviceChannel(name, _unit(signal)) for name, signal in signals.items()
             )
@@ -105,11 +100,6 @@ class OpenDaqDevice:
                 break
             if self._connection.is_lost:
                 raise DeviceLost(f'{self._address}: the connection is down')
-            if 0 < self._silence < time.monotonic() - self._heard:
-                raise DeviceLost(
-                    f'{self._address} is connected, but has sent no samples for '
-                    f'{self._silence:g} s'
-                )
             if time.monotonic() >= end:
                 return None
             time.sleep(_PAUSE)
@@ -120,7 +110,7 @@ class OpenDaqDevice:
         # In this order: each holds the next.
         self._reader = None
         self._connection = None
-        self._last_tick = None
+        self._has_begun = False
         self._ready.clear()
 
     def _fetch(self) -> None:
@@ -133,18 +123,16 @@ class OpenDaqDevice:
             return
         if ticks.size == 0:
             return
-        self._heard = time.monotonic()
+        samples, ticks = np.atleast_2d(samples, ticks)  # of one signal it gives no rows
         if (ticks != ticks[0]).any():
             raise DeviceLost(f'{self._address}: its channels are out of step; connect again')
         ticks = ticks[0]
         if self._origin_ns is None:
             first = clock.stamp_ns(int(ticks[-1]) + clock.step, 0)
             self._origin_ns = time.time_ns() - first
+        self._has_begun = True
         for run in clock.runs(ticks):
             first = int(ticks[run.start])
-            if self._last_tick is not None and first <= self._last_tick:
-                raise DeviceLost(f'{self._address}: its clock was set back; connect again')
-            self._last_tick = int(ticks[run.stop - 1])
             self._ready.append(
                 DeviceBlock(
                     clock.index(first),
@@ -155,7 +143,7 @@ class OpenDaqDevice:
 
     def _look_at_change(self, status: Any) -> None:
         """Go on after the event with which every stream begins; else the device has changed."""
-        if self._last_tick is None and status.read_status == self._sdk.ReadStatus.Event:
+        if not self._has_begun and status.read_status == self._sdk.ReadStatus.Event:
             return
         raise DeviceLost(
             f'{self._address}: the sample rate, a unit or the scaling of a channel was changed; '
@@ -224,13 +212,6 @@ class OpenDaqDevices:
             0.0,
             1e9,
         ),
-        Setting(
-            'silence',
-            5.0,
-            'A device that sends nothing for so long counts as lost [s]; 0: never.',
-            0.0,
-            1e6,
-        ),
     )
 
     def devices(self, setting: Callable[[str], Any]) -> list[Device]:
@@ -261,7 +242,7 @@ class OpenDaqDevices:
         sdk = load_sdk()
         channels = tuple(one.strip() for one in setting('channels') if one.strip())
         return [
-            OpenDaqDevice(address, channels, setting('sample_rate'), setting('silence'), sdk)
+            OpenDaqDevice(address, channels, setting('sample_rate'), sdk)
             for address in dict.fromkeys(addresses)
         ]
 

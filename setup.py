@@ -139,5 +139,12 @@ setup(
             'stand = identnl_ros.nodes.stand:main',
             'transform = identnl_ros.nodes.transform:main',
         ],
+        'identnl_ros.sources': [
+            'bag = identnl_ros.sources.recorded:source',
+            'nidaqmx = identnl_ros.sources.nidaqmx_device:source',
+            'opendaq = identnl_ros.sources.opendaq_device:source',
+            'simulated = identnl_ros.sources.simulated_choice:source',
+            'topics = identnl_ros.nodes.topic_device:source',
+        ],
     },
 )

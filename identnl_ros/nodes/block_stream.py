@@ -6,12 +6,15 @@ from collections.abc import Callable
 from dataclasses import replace
 import threading
 import time
+import traceback
+from typing import cast
 
 from identnl_ros.core.errors import IdentnlError
 from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.nodes.credit import Credit
 from identnl_ros.nodes.prefetch import Prefetch
-from identnl_ros.sources.source import Source
+from identnl_ros.sources.device_state import DeviceState
+from identnl_ros.sources.source import LiveSource, Source, Timing
 
 WINDOW = 200  # blocks ahead of the slowest consumer
 SETTLING_TIME = 0.2  # [s] for connections that one side takes for made
@@ -20,7 +23,9 @@ LATE = 0.5  # [s]
 
 class BlockStream:
     """
-    Publish the blocks of a source, paced by their stamps or by their consumers.
+    Publish the blocks of a source, paced by their stamps, by their consumers or by devices.
+
+    A live source is never held up: what comes while the stream is paused is dropped.
 
     Parameters
     ----------
@@ -56,22 +61,34 @@ class BlockStream:
         self._changed = threading.Condition()
         self._is_running = False
         self._is_stopping = False
+        self._is_awaiting = True
         self._waiting_since: float | None = None
         self.credit = Credit(source.description.stream_id, 0)
         self.failure = ''
         self.blocks = 0
         self.next_index = 0
         self.late_blocks = 0
+        self.dropped_samples = 0
         self.has_ended = False
         self.is_complete = False
-        self._blocks = Prefetch(source.blocks())
+        self._live: LiveSource | None = None
+        self._blocks: Prefetch | None = None
+        if source.timing is Timing.LIVE:
+            self._live = cast(LiveSource, source)
+        else:
+            self._blocks = Prefetch(source.blocks())
         self._thread = threading.Thread(target=self._run, name='publishing', daemon=True)
         self._thread.start()
 
     @property
     def blocks_ready(self) -> int:
         """Number of blocks made ahead."""
-        return self._blocks.ready
+        return self._blocks.ready if self._blocks else 0
+
+    @property
+    def devices(self) -> tuple[DeviceState, ...]:
+        """How the devices are; none where the source is not live."""
+        return self._live.devices if self._live else ()
 
     @property
     def is_over(self) -> bool:
@@ -95,12 +112,15 @@ class BlockStream:
         with self._changed:
             self._is_stopping = True
             self._changed.notify_all()
+        if self._live:
+            self._live.end()
 
     def stop(self) -> None:
         """End at once and wait for the threads."""
         self.pause()
         self.end()
-        self._blocks.stop()
+        if self._blocks:
+            self._blocks.stop()
         self._thread.join(timeout=2.0)
 
     def report(self, name: str, stream_id: int, next_index: int) -> None:
@@ -138,31 +158,54 @@ class BlockStream:
 
     def _run(self) -> None:
         try:
-            self._wait_for_consumers()
-            clock = time.monotonic()
-            first: SampleBlock | None = None
-            for block in self._blocks:
-                if first is None:
-                    first = block
-                    self.credit.window = WINDOW * max(1, block.samples.shape[0])
-                if self._speed > 0:
-                    # A block is complete when its last sample has been taken.
-                    after = (block.next_index - first.first_index) / block.sample_rate
-                    clock += self._wait_until(clock + after / self._speed)
-                else:
-                    self._wait_for_credit(block)
-                self._give_out(block)
-                if self._is_stopping:
-                    break
-                self.is_complete = block.last
+            if self._blocks:
+                self._wait_for_consumers()
+                self._pace(self._blocks)
+            elif self._live:
+                threading.Thread(target=self._wait_for_consumers, daemon=True).start()
+                for block in self._live.blocks():
+                    self._give_out(block)
             self.has_ended = True
         except IdentnlError as error:
-            self.failure = str(error)
-            self._tell(self.failure)
+            self._fail(str(error))
+        except Exception:
+            self._fail(f'unexpected error, please report:\n{traceback.format_exc()}')
         finally:
-            self._blocks.stop()
+            if self._blocks:
+                self._blocks.stop()
+            if self._live:
+                self._live.end()
+
+    def _fail(self, sentence: str) -> None:
+        self.failure = sentence
+        self._tell(sentence)
+
+    def _pace(self, blocks: Prefetch) -> None:
+        clock = time.monotonic()
+        first: SampleBlock | None = None
+        for block in blocks:
+            if first is None:
+                first = block
+                self.credit.window = WINDOW * max(1, block.samples.shape[0])
+            if self._speed > 0:
+                # A block is complete when its last sample has been taken.
+                after = (block.next_index - first.first_index) / block.sample_rate
+                clock += self._wait_until(clock + after / self._speed)
+            else:
+                self._wait_for_credit(block)
+            is_last = self._is_stopping
+            self._give_out(replace(block, last=True) if is_last else block)
+            if is_last:
+                return
+            self.is_complete = block.last
 
     def _wait_for_consumers(self) -> None:
+        try:
+            self._await_consumers()
+        finally:
+            self._is_awaiting = False
+
+    def _await_consumers(self) -> None:
         with self._changed:
             self._changed.wait_for(lambda: self._is_running or self._is_stopping)
             if self._consumers == 0:
@@ -208,8 +251,9 @@ class BlockStream:
 
     def _give_out(self, block: SampleBlock) -> None:
         with self._changed:
-            if not self._is_running:
+            if not self._is_running or self._is_awaiting:
+                self.dropped_samples += block.samples.shape[0]
                 return
-            self._publish(replace(block, last=True) if self._is_stopping else block)
+            self._publish(block)
             self.blocks += 1
             self.next_index = self.credit.published = block.next_index

@@ -17,7 +17,7 @@ from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumption import Progress
 from identnl_ros.nodes.diagnosis import check_topic, Health, Level
 from identnl_ros.nodes.managed_node import ManagedNode
-from identnl_ros.nodes.parameters import Setting
+from identnl_ros.sources.setting import Setting
 from identnl_ros.storage.machine_file import load_machine, read_machine
 from identnl_ros.storage.message_reading import description_from_message
 from identnl_ros.storage.stand_description import StandDescription

@@ -27,8 +27,8 @@ from identnl_ros.nodes.conversions import block_from_message, motion_from_messag
 from identnl_ros.nodes.diagnosis import Health
 from identnl_ros.nodes.estimate_conversion import estimate_to_message
 from identnl_ros.nodes.live_diagnosis import LiveDiagnosis
-from identnl_ros.nodes.parameters import Setting
 from identnl_ros.nodes.running import run
+from identnl_ros.sources.setting import Setting
 from identnl_ros.storage.stand_description import StandDescription
 from identnl_ros.storage.state_file import load_state, save_state, state_path
 from rclpy.duration import Duration

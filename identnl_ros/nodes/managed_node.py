@@ -11,7 +11,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from identnl_ros.core.errors import DataError, IdentnlError
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.diagnosis import Health, Level, to_array
-from identnl_ros.nodes.parameters import AUTOSTART, declare, Setting, unknown_overrides
+from identnl_ros.nodes.parameters import AUTOSTART, declare, unknown_overrides
+from identnl_ros.sources.setting import Setting
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.subscription import Subscription
@@ -45,9 +46,9 @@ class ManagedNode(LifecycleNode):
         self._errors_caught = 0
         self._endings: list[Callable[[], object]] = []
         super().__init__(name, **options)
-        declare(self, (AUTOSTART, *self.settings), lambda: self.is_configured)
+        declare(self, (AUTOSTART, *self.all_settings()), lambda: self.is_configured)
         # Those for another node of the process may come to this one too.
-        known = {setting.name for kind in _kinds(ManagedNode) for setting in kind.settings}
+        known = {one.name for kind in _kinds(ManagedNode) for one in kind.all_settings()}
         known |= set(self.list_parameters([], 0).names)
         for sentence in unknown_overrides(self._parameter_overrides, known):
             self.get_logger().warning(sentence)
@@ -55,6 +56,19 @@ class ManagedNode(LifecycleNode):
             DiagnosticArray, '/diagnostics', qos.diagnostics()
         )
         self.create_timer(DIAGNOSTICS_INTERVAL, self.guarded(self.publish_diagnostics))
+
+    @classmethod
+    def all_settings(cls) -> tuple[Setting, ...]:
+        """
+        Give the parameters of such a node.
+
+        Returns
+        -------
+        tuple of Setting
+            `settings`, and those that depend on what is installed.
+
+        """
+        return cls.settings
 
     def configure(self) -> None:
         """Read parameters, create what the node needs; errors are told to the user."""
@@ -101,7 +115,7 @@ class ManagedNode(LifecycleNode):
 
         """
         value = self.get_parameter(name).value
-        for setting in self.settings:
+        for setting in self.all_settings():
             if setting.name == name and (reason := setting.refusal(value)):
                 raise DataError(reason)
         return value

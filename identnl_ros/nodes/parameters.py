@@ -3,10 +3,9 @@
 """Declaration of parameters: each with a description, a range and whether it may change."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any
 
+from identnl_ros.sources.setting import Setting
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -15,77 +14,6 @@ from rcl_interfaces.msg import (
 )
 from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
-
-
-@dataclass(frozen=True)
-class Setting:
-    """
-    One parameter of a node.
-
-    Parameters
-    ----------
-    name : str
-    default : bool, int, float, str or list of str
-        Also tells the type.
-    description : str
-        With the unit.
-    lowest, highest : float or None
-        Range of a number; None: not a number.
-    choices : tuple of str
-        What a text may be; empty: anything.
-    live : bool
-        May change while the node is configured; else it counts from the next configuration on.
-    read_only : bool
-        Can only be set as the node starts.
-
-    """
-
-    name: str
-    default: Any
-    description: str
-    lowest: float | None = None
-    highest: float | None = None
-    choices: tuple[str, ...] = ()
-    live: bool = False
-    read_only: bool = False
-
-    @property
-    def descriptor(self) -> ParameterDescriptor:
-        """What tools show of the parameter."""
-        descriptor = ParameterDescriptor(
-            description=self.description,
-            read_only=self.read_only,
-            additional_constraints=(f'one of: {", ".join(self.choices)}' if self.choices else ''),
-        )
-        if self.lowest is not None and self.highest is not None:
-            if isinstance(self.default, float):
-                descriptor.floating_point_range = [
-                    FloatingPointRange(from_value=float(self.lowest), to_value=float(self.highest))
-                ]
-            else:
-                descriptor.integer_range = [
-                    IntegerRange(from_value=int(self.lowest), to_value=int(self.highest))
-                ]
-        return descriptor
-
-    def refusal(self, value: Any) -> str:
-        """
-        Say why a value cannot be taken.
-
-        Parameters
-        ----------
-        value : object
-
-        Returns
-        -------
-        str
-            Empty: it can.
-
-        """
-        if self.choices and value not in self.choices:
-            return f'{self.name} is "{value}", expected one of: {", ".join(self.choices)}'
-        return ''
-
 
 AUTOSTART = Setting(
     'autostart',
@@ -124,6 +52,38 @@ def unknown_overrides(given: Iterable[str], known: Iterable[str]) -> list[str]:
     return sentences
 
 
+def descriptor_of(setting: Setting) -> ParameterDescriptor:
+    """
+    Tell what tools show of a parameter.
+
+    Parameters
+    ----------
+    setting : Setting
+
+    Returns
+    -------
+    ParameterDescriptor
+
+    """
+    choices = setting.choices
+    descriptor = ParameterDescriptor(
+        description=setting.description,
+        read_only=setting.read_only,
+        additional_constraints=f'one of: {", ".join(choices)}' if choices else '',
+    )
+    if setting.lowest is not None and setting.highest is not None:
+        lowest, highest = setting.lowest, setting.highest
+        if isinstance(setting.default, float):
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(lowest), to_value=float(highest))
+            ]
+        else:
+            descriptor.integer_range = [
+                IntegerRange(from_value=int(lowest), to_value=int(highest))
+            ]
+    return descriptor
+
+
 def declare(
     node: LifecycleNode, settings: tuple[Setting, ...], is_configured: Callable[[], bool]
 ) -> None:
@@ -140,7 +100,7 @@ def declare(
     """
     known = {setting.name: setting for setting in settings}
     for setting in settings:
-        node.declare_parameter(setting.name, setting.default, setting.descriptor)
+        node.declare_parameter(setting.name, setting.default, descriptor_of(setting))
     clock = node.describe_parameter('use_sim_time')
     clock.description = 'Take the time from the topic /clock instead of the computer.'
     node.set_descriptor('use_sim_time', clock)

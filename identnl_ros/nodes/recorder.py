@@ -25,8 +25,8 @@ from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumption import Progress
 from identnl_ros.nodes.diagnosis import check_topic, Health, Level
 from identnl_ros.nodes.managed_node import ManagedNode
-from identnl_ros.nodes.parameters import Setting
 from identnl_ros.nodes.running import run
+from identnl_ros.sources.setting import Setting
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.message_reading import block_position
 from rclpy.serialization import deserialize_message

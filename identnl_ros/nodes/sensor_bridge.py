@@ -1,12 +1,12 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The node that publishes the samples of a stand, simulated or recorded."""
+"""The node that publishes the samples of a stand: simulated, recorded or from devices."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import sys
 import time
-from typing import Any, ClassVar
+from typing import Any, cast, ClassVar
 
 from identnl_msgs.msg import (
     Consumed,
@@ -18,11 +18,13 @@ from identnl_ros.nodes import qos
 from identnl_ros.nodes.block_stream import BlockStream
 from identnl_ros.nodes.conversions import block_to_message
 from identnl_ros.nodes.description_conversion import description_to_message
+from identnl_ros.nodes.device_health import device_health
 from identnl_ros.nodes.diagnosis import check_topic, full_names, Health, Level
 from identnl_ros.nodes.managed_node import ManagedNode
-from identnl_ros.nodes.parameters import Setting
 from identnl_ros.nodes.running import run
-from identnl_ros.nodes.source_choice import make_source, SETTINGS
+from identnl_ros.nodes.source_choice import make_source, SETTINGS, settings_of_sources
+from identnl_ros.sources.setting import Setting
+from identnl_ros.sources.source import LiveSource, Source, Timing
 from rclpy.duration import Duration
 
 CHECK_INTERVAL = 0.25  # [s]
@@ -55,7 +57,8 @@ class SensorBridge(ManagedNode):
 
     Blocks are made ahead in a thread and given out by another, so that neither the making nor
     the callbacks of this node delay them. Deactivating makes the stand's time stand still;
-    activating goes on from there; cleaning up ends the stream.
+    activating goes on from there; cleaning up ends the stream. Devices cannot stand still: they
+    are open from configuration on, and what they deliver while the node is inactive is lost.
 
     """
 
@@ -64,7 +67,8 @@ class SensorBridge(ManagedNode):
         Setting(
             'speed',
             1.0,
-            'Times real time [-]; 0: as fast as the consumers keep up.',
+            'Times real time [-]; 0: as fast as the consumers keep up. Devices set their own '
+            'pace.',
             0.0,
             1e6,
         ),
@@ -92,25 +96,28 @@ class SensorBridge(ManagedNode):
     )
 
     def __init__(self, **options: Any) -> None:
+        self._source: Source | None = None
         self._stream: BlockStream | None = None
         self._stamp_offset: int | None = None
         self._is_opened = False
         self.published = Published()
         super().__init__('sensor_bridge', **options)
 
+    @classmethod
+    def all_settings(cls) -> tuple[Setting, ...]:
+        return (*cls.settings, *settings_of_sources())
+
     def configure(self) -> None:
-        self._source = make_source(self.setting)
-        description = self._source.description
-        self.stand = description.stand
-        self._is_live = self.setting('source') == 'simulated'
-        self._stamp_offset = None if self._is_live else 0
+        self._source = source = make_source(self.setting, self.get_logger().warning)
+        self.stand = source.description.stand
+        self._stamp_offset = None if source.timing is Timing.SIMULATED else 0
         self._is_opened = False
         self._samples = self.publish_on(SampleBlockMessage, 'samples', qos.blocks())
         self._descriptions = self.publish_on(
             StandDescriptionMessage, 'stand_description', qos.stand_description()
         )
         self._stream = BlockStream(
-            self._source,
+            source,
             self._publish_block,
             self.setting('speed'),
             self.setting('wait_for_consumers'),
@@ -121,9 +128,11 @@ class SensorBridge(ManagedNode):
         self.every(CHECK_INTERVAL, self._check)
 
     def activate(self) -> None:
+        assert self._source is not None, 'active without being configured'
         description = self._source.description
         if not self._is_opened:
-            opened = self._now() if self._is_live else description.stamp_ns
+            is_simulated = self._source.timing is Timing.SIMULATED
+            opened = self._now() if is_simulated else description.stamp_ns
             self._descriptions.publish(
                 description_to_message(replace(description, stamp_ns=opened))
             )
@@ -146,6 +155,9 @@ class SensorBridge(ManagedNode):
                 self._stream.blocks, self._stream.next_index, self._stream.is_complete
             )
             self._stream = None
+        elif self._source is not None and self._source.timing is Timing.LIVE:
+            cast(LiveSource, self._source).end()  # there was no stream that does
+        self._source = None
 
     def begin_to_end(self) -> None:
         if self._stream is not None:
@@ -170,6 +182,7 @@ class SensorBridge(ManagedNode):
                 'next sample index': stream.next_index,
                 'blocks made ahead': stream.blocks_ready,
                 'blocks late': stream.late_blocks,
+                'samples not published': stream.dropped_samples,
                 'ended': stream.has_ended,
                 **{
                     f'progress of {name} [samples]': index
@@ -182,7 +195,7 @@ class SensorBridge(ManagedNode):
         health.warn_of(stream.late_blocks, 'blocks were late: the computer is too slow')
         topic = Health('samples')
         check_topic(self, self._samples.topic_name, 'identnl_msgs/msg/SampleBlock', topic)
-        return [health, topic]
+        return [health, topic, *map(device_health, stream.devices)]
 
     def _publish_block(self, block: SampleBlock) -> None:
         if self._stamp_offset is None:

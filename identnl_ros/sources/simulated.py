@@ -22,6 +22,7 @@ from identnl_ros.core.simulation.excitation import (
     Sweep,
 )
 from identnl_ros.core.simulation.stand import SimulatedStand
+from identnl_ros.sources.source import Timing
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 from numpy.typing import NDArray
@@ -140,6 +141,8 @@ class SimulatedSource:
         If the machine cannot be simulated or the layout does not fit it.
 
     """
+
+    timing = Timing.SIMULATED
 
     def __init__(
         self,

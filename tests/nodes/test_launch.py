@@ -24,7 +24,9 @@ def node_settings(name):
         'identifier': 'IdentifierNode',
         'recorder': 'Recorder',
     }
-    return {setting.name: setting for setting in getattr(module, kinds[name]).settings}
+    settings = getattr(module, kinds[name]).all_settings()
+    # Those of kinds of device, which may be installed or not, have a prefix.
+    return {setting.name: setting for setting in settings if '.' not in setting.name}
 
 
 @pytest.mark.ros

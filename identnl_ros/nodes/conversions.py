@@ -160,6 +160,7 @@ def motion_to_message(block: MotionBlock) -> BodyMotionBlock:
         noise_estimated=block.noise_estimated,
         velocity_derived=block.velocity_derived,
         acceleration_derived=block.acceleration_derived,
+        contradictions=list(block.contradictions),
         last_block=block.last,
     )
 
@@ -200,6 +201,7 @@ def motion_from_message(message: BodyMotionBlock) -> MotionBlock:
         noise_estimated=message.noise_estimated,
         velocity_derived=message.velocity_derived,
         acceleration_derived=message.acceleration_derived,
+        contradictions=tuple(message.contradictions),
         last=message.last_block,
     )
 

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an identification returns: parameters with covariance, status and remarks."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import isnan
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 NORMAL_QUANTILE = 1.959963984540054  # of 97.5 %
+IN_DOUBT = 'its standard deviation does not hold'
 
 
 class EstimateStatus(Enum):
@@ -125,3 +127,28 @@ class Estimate:
     condition_number: float
     combinations: tuple[CombinationEstimate, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def doubted(self, reasons: Sequence[str]) -> 'Estimate':
+        """
+        Withdraw trust for what is known of the data from elsewhere.
+
+        Parameters
+        ----------
+        reasons : sequence of str
+            In sentences; none: nothing changes.
+
+        Returns
+        -------
+        Estimate
+            What was `ok` is in doubt.
+
+        """
+        if not reasons:
+            return self
+        parameters = tuple(
+            replace(one, status=EstimateStatus.MODEL_IN_DOUBT, note=one.note or IN_DOUBT)
+            if one.status is EstimateStatus.OK
+            else one
+            for one in self.parameters
+        )
+        return replace(self, parameters=parameters, notes=(*self.notes, *reasons))

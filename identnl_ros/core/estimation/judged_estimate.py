@@ -7,7 +7,12 @@ from dataclasses import dataclass
 
 from identnl_ros.core.algebra.information import Solution
 from identnl_ros.core.estimation.combinations import combination_estimates
-from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus, ParameterEstimate
+from identnl_ros.core.estimation.estimate import (
+    Estimate,
+    EstimateStatus,
+    IN_DOUBT,
+    ParameterEstimate,
+)
 from identnl_ros.core.estimation.force_noise import ForceNoise
 from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
 from identnl_ros.core.mechanics.model import Parameter
@@ -152,7 +157,7 @@ def judged_estimate(
         elif failure:
             status, note = EstimateStatus.NOISE_LIMITED, 'a rough start, not converged'
         elif verdict.doubt:
-            status, note = EstimateStatus.MODEL_IN_DOUBT, 'its standard deviation does not hold'
+            status, note = EstimateStatus.MODEL_IN_DOUBT, IN_DOUBT
         parameters.append(
             ParameterEstimate(one.name, one.symbol, one.unit, value, deviation, status, note)
         )

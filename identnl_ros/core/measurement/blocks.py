@@ -102,6 +102,8 @@ class MotionBlock:
         Some sensor's noise is not stated but estimated from its samples.
     velocity_derived, acceleration_derived : bool
         At least partly the first, second derivative of displacement, not measured.
+    contradictions : tuple of str
+        Sensors that have contradicted the motion of rigid bodies so far, in sentences.
 
     Raises
     ------
@@ -127,6 +129,7 @@ class MotionBlock:
     noise_estimated: bool = False
     velocity_derived: bool = False
     acceleration_derived: bool = False
+    contradictions: tuple[str, ...] = ()
     last: bool = False
 
     def __post_init__(self) -> None:

@@ -81,6 +81,7 @@ def command(
         'machine': result.machine.name,
         **estimate_document(estimate, truth),
         'problems': remarks,
+        'left_out': result.losses.readings,
     }
     return Outcome(document, lambda: _show(estimate, truth), _exit_code(estimate))
 
@@ -95,9 +96,10 @@ def _remarks(losses: 'Losses') -> list[str]:
     remarks = [
         *losses.problems,
         *(
-            f'{name}: {count} samples without a valid reading'
-            for name, count in losses.readings.items()
+            f'{name}: {sum(causes.values())} samples left out ({_counted(causes)})'
+            for name, causes in losses.readings.items()
         ),
+        *losses.findings,
         *losses.degradation,
     ]
     if losses.samples:
@@ -105,6 +107,10 @@ def _remarks(losses: 'Losses') -> list[str]:
     if losses.blocks:
         remarks.append(f'{losses.blocks} blocks were repeated, late or foreign')
     return remarks
+
+
+def _counted(causes: dict[str, int]) -> str:
+    return ', '.join(f'{count} {cause}' for cause, count in causes.items())
 
 
 def _truth(metadata: dict[str, str] | None) -> dict[str, float]:

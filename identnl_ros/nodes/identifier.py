@@ -89,6 +89,7 @@ class IdentifierNode(ConsumerNode):
         self._identifier: Identifier | None = None
         self._last: Estimate | None = None
         self._machine_text = ''
+        self._contradictions: dict[str, None] = {}
         self._has_news = False
         self._stamp = self._last_index = 0
         self._diagnosis = LiveDiagnosis()
@@ -138,6 +139,7 @@ class IdentifierNode(ConsumerNode):
                 f'{self._identifier.samples} samples are forgotten'
             )
         self._identifier = None
+        self._contradictions.clear()
         memory = self.setting('memory')
         self._identifier = identifier_for(
             self.model(description), self.setting('estimator'), memory or None
@@ -147,6 +149,7 @@ class IdentifierNode(ConsumerNode):
     def use(self, block: MotionBlock) -> None:
         if not self._ready().add(block):
             return
+        self._contradictions |= dict.fromkeys(block.contradictions)
         if samples := block.next_index - block.first_index:
             self._stamp = stamp_after(block.stamp_ns, samples - 1, block.sample_rate)
             self._last_index = block.next_index - 1
@@ -189,7 +192,7 @@ class IdentifierNode(ConsumerNode):
     def _publish(self) -> None:
         self._has_news = False
         identifier = self._ready()
-        self._last = identifier.estimate()
+        self._last = identifier.estimate().doubted(tuple(self._contradictions))
         self._estimates.publish(
             estimate_to_message(
                 self._last,
@@ -238,6 +241,7 @@ class IdentifierNode(ConsumerNode):
         identifier = self._ready()
         forgotten = identifier.samples
         identifier.reset()
+        self._contradictions.clear()
         self._diagnosis.readings.clear()
         self._publish()
         return f'{forgotten} samples forgotten'
@@ -267,6 +271,7 @@ class IdentifierNode(ConsumerNode):
 
     def _forget_estimates(self) -> None:
         self._machine_text = ''
+        self._contradictions.clear()
         self._has_news = False
         self._last = None
         self._stamp = self._last_index = 0

@@ -6,16 +6,17 @@ from collections.abc import Sequence
 import sys
 from typing import Any, ClassVar
 
-from identnl_msgs.msg import BodyMotionBlock, SampleBlock as SampleBlockMessage
+from identnl_msgs.msg import BodyMotionBlock, DataQuality, SampleBlock as SampleBlockMessage
 from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.core.measurement.continuity import StreamFollower
-from identnl_ros.core.measurement.transform import MotionTransform
+from identnl_ros.core.quality.monitored_transform import MonitoredTransform
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.consumer_node import ConsumerNode
 from identnl_ros.nodes.conversions import block_from_message, motion_to_message
 from identnl_ros.nodes.diagnosis import Health, Level
-from identnl_ros.nodes.parameters import Setting
+from identnl_ros.nodes.quality_conversion import quality_to_message
 from identnl_ros.nodes.running import run
+from identnl_ros.sources.setting import Setting
 from identnl_ros.storage.stand_description import StandDescription
 from rclpy.duration import Duration
 
@@ -29,7 +30,7 @@ IGNORED = Setting(
 
 
 class Transform(ConsumerNode):
-    """Consumes `samples`, publishes `motion`."""
+    """Consumes `samples`, publishes `motion` and what is wrong with the samples, `quality`."""
 
     settings: ClassVar[tuple[Setting, ...]] = (*ConsumerNode.settings, IGNORED)
     topic: ClassVar[str] = 'samples'
@@ -37,42 +38,48 @@ class Transform(ConsumerNode):
     type_name: ClassVar[str] = 'identnl_msgs/msg/SampleBlock'
 
     def __init__(self, **options: Any) -> None:
-        self._transform: MotionTransform | None = None
+        self._pipeline: MonitoredTransform | None = None
         super().__init__('transform', **options)
 
     @property
     def follower(self) -> StreamFollower | None:
-        return None if self._transform is None else self._transform.follower
+        return None if self._pipeline is None else self._pipeline.follower
 
     def configure(self) -> None:
         super().configure()
         self._motion = self.publish_on(BodyMotionBlock, 'motion', qos.blocks())
+        self._quality = self.publish_on(DataQuality, 'quality', qos.blocks())
 
     def clean_up(self) -> None:
         super().clean_up()
-        self._transform = None
+        self._pipeline = None
 
     def convert(self, message: SampleBlockMessage) -> SampleBlock:
         return block_from_message(message)
 
     def open(self, description: StandDescription) -> None:
-        self._transform = None
-        self._transform = MotionTransform(
+        self._pipeline = None
+        self._pipeline = MonitoredTransform(
             self.model(description),
             description.layout,
             description.sample_rate,
             [name for name in self.setting(IGNORED.name) if name],
         )
-        if self._transform.derived:
+        if derived := self._pipeline.transform.derived:
             self.get_logger().info(
-                f'stand {description.stand}: {" and ".join(self._transform.derived)} (partly) '
+                f'stand {description.stand}: {" and ".join(derived)} (partly) '
                 'derived from the displacement'
             )
 
     def use(self, block: SampleBlock) -> None:
-        motion = None if self._transform is None else self._transform.add(block)
-        if motion is not None:
+        if self._pipeline is None:
+            return
+        for motion in self._pipeline.add(block):
             self._motion.publish(motion_to_message(motion))
+        for cleaned, quality in self._pipeline.quality:
+            for finding in quality.findings:
+                self.get_logger().warning(finding.sentence)
+            self._quality.publish(quality_to_message(quality, cleaned))
 
     def is_connected(self) -> bool:
         # All that want motion are connected: they get it from the first block on.
@@ -85,11 +92,16 @@ class Transform(ConsumerNode):
 
     def diagnose(self) -> list[Health]:
         readings = Health('readings')
-        if self._transform is not None:
-            for name, count in self._transform.counts.samples_without_reading.items():
-                readings.values[f'missing readings of {name}'] = count
-                readings.warn_of(count, f'readings of {name} are missing (NaN)')
-            for sentence in self._transform.degradation:
+        if self._pipeline is not None:
+            summary = self._pipeline.monitor.summary()
+            for channel in summary.channels:
+                if channel.excluded:
+                    readings.values[f'readings of {channel.name} left out'] = channel.excluded
+                for cause, count in channel.causes.items():
+                    readings.values[f'{cause.in_words} readings of {channel.name}'] = count
+            for finding in summary.findings:
+                readings.add(Level.WARN, finding.sentence)
+            for sentence in self._pipeline.transform.degradation:
                 readings.add(Level.WARN, sentence)
         return [*super().diagnose(), readings]
 

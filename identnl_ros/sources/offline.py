@@ -18,10 +18,13 @@ from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.measurement.observation import observe_force
 from identnl_ros.core.measurement.sensor_unknown import sensor_unknown
-from identnl_ros.core.measurement.transform import channels_of, MotionTransform
+from identnl_ros.core.measurement.transform import channels_of
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.quality.condition import Condition, EXCLUDING
+from identnl_ros.core.quality.monitor import monitored, QualityMonitor, QualitySummary
+from identnl_ros.core.quality.monitored_transform import MonitoredTransform
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine
 import numpy as np
@@ -42,8 +45,10 @@ class Losses:
         Missing between the blocks, by their running index.
     blocks : int
         Repeated, late or from another source.
-    readings : dict of str to int
-        Samples without a valid reading, by channel.
+    readings : dict of str to dict of str to int
+        Samples left out, by channel and cause.
+    findings : list of str
+        What else is wrong with channels, in sentences.
     degradation : list of str
         What sensors that were lost or ignored have cost, in sentences.
     problems : list of str
@@ -53,25 +58,35 @@ class Losses:
 
     samples: int = 0
     blocks: int = 0
-    readings: dict[str, int] = field(default_factory=dict)
+    readings: dict[str, dict[str, int]] = field(default_factory=dict)
+    findings: list[str] = field(default_factory=list)
     degradation: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
-    def add(self, transform: MotionTransform) -> None:
+    def add(self, summary: QualitySummary, without: Collection[str]) -> None:
         """
-        Count what a transform has left out.
+        Count what of a stream has been left out.
 
         Parameters
         ----------
-        transform : MotionTransform
+        summary : QualitySummary
+        without : collection of str
+            Sensors that are not used, of which nothing is said.
 
         """
-        follower = transform.follower
-        self.samples += follower.lost_samples
-        self.blocks += follower.repeated_blocks + follower.foreign_blocks
-        for name, count in transform.counts.samples_without_reading.items():
-            self.readings[name] = self.readings.get(name, 0) + count
-        self.degradation += transform.degradation
+        self.samples += summary.lost_samples
+        self.blocks += summary.repeated_blocks + summary.foreign_blocks
+        for channel in summary.channels:
+            if channel.name in without:
+                continue
+            for cause, count in channel.causes.items():
+                counts = self.readings.setdefault(channel.name, {})
+                counts[cause.in_words] = counts.get(cause.in_words, 0) + count
+        self.findings += [
+            one.sentence
+            for one in summary.findings
+            if not one.condition & (EXCLUDING | Condition.GAP) and one.channel not in without
+        ]
 
 
 @dataclass(frozen=True)
@@ -177,22 +192,26 @@ def _streamed(
     bags: Sequence[Bag], model: Model, estimator: str, without: Collection[str], losses: Losses
 ) -> Estimate:
     identifier = identifier_for(model, estimator)
+    contradictions: list[str] = []
     for bag in bags:
         for stream in bag.streams:
             with _fitting(bag, model):
-                transform = MotionTransform(model, stream.layout, stream.sample_rate, without)
+                pipeline = MonitoredTransform(model, stream.layout, stream.sample_rate, without)
             for block in bag.blocks(stream.stream_id):
-                motion = transform.add(block)
-                if motion is not None:
+                for motion in pipeline.add(block):
                     identifier.add(motion)
+            for motion in pipeline.finish():
+                identifier.add(motion)
             identifier.end_stream()
-            losses.add(transform)
+            losses.add(pipeline.monitor.summary(), without)
+            losses.degradation += pipeline.transform.degradation
+            contradictions += pipeline.contradictions
     if identifier.samples + identifier.rejected == 0:
         raise DataError(
             f'{bags[0].path}: the bag is too short; no sample has the neighbours that its '
             'derivatives need'
         )
-    return identifier.estimate()
+    return identifier.estimate().doubted(contradictions)
 
 
 def _likelihood(
@@ -206,17 +225,26 @@ def _likelihood(
         sensor_unknown(label, [stream.layout for bag in bags for stream in bag.streams])
         for label in sensor_unknowns
     )
-    records = [record for bag in bags for record in _records(bag, model, without, losses)]
+    contradictions: list[str] = []
+    records = [
+        record for bag in bags for record in _records(bag, model, without, losses, contradictions)
+    ]
     if not records:
         raise DataError(
             f'{bags[0].path}: no run of samples without a gap is long enough to be simulated'
         )
     with _fitting(bags[0], model):
-        return likelihood_estimate(model, records, unknowns)
+        estimate = likelihood_estimate(model, records, unknowns)
+    # Unknown gains are there to take up what contradicts.
+    return estimate if unknowns else estimate.doubted(contradictions)
 
 
 def _records(
-    bag: Bag, model: Model, without: Collection[str], losses: Losses
+    bag: Bag,
+    model: Model,
+    without: Collection[str],
+    losses: Losses,
+    contradictions: list[str],
 ) -> Iterator[MeasuredRecord]:
     """Cut a bag at its gaps, and where the force is missing."""
     for stream in bag.streams:
@@ -227,10 +255,11 @@ def _records(
             observe_force(model, layout)
         kept = [i for i in range(len(stream.layout.sensors)) if i not in ignored]
         follower = StreamFollower()
+        monitor = QualityMonitor(stream.layout, stream.sample_rate, model)
         parts: list[NDArray[np.float64]] = []
         runs: list[NDArray[np.float64]] = []
         begins: list[int] = []
-        for block in bag.blocks(stream.stream_id):
+        for block in monitored(bag.blocks(stream.stream_id), monitor):
             arrival = follower.accept(
                 block.stream_id, block.first_index, block.next_index, block.last
             )
@@ -244,13 +273,10 @@ def _records(
             parts.append(block.samples[:, kept])
         if parts:
             runs.append(np.concatenate(parts))
-        losses.samples += follower.lost_samples
-        losses.blocks += follower.repeated_blocks + follower.foreign_blocks
+        losses.add(monitor.summary(), without)
+        contradictions += monitor.contradictions(without)
         forces = list(layout.of_kind(SensorKind.FORCE))
         for begin, run in zip(begins, runs, strict=True):
-            for number, sensor in enumerate(layout.sensors):
-                if lost := int(np.isnan(run[:, number]).sum()):
-                    losses.readings[sensor.name] = losses.readings.get(sensor.name, 0) + lost
             missing = np.flatnonzero(~np.isfinite(run[:, forces]).all(axis=1))
             for first, end in pairwise([-1, *missing.tolist(), len(run)]):
                 if end - first - 1 >= SHORTEST_RUN:

@@ -108,7 +108,9 @@ class Connection:
             for holder, name in found:
                 holder.set_property_value(name, type(holder.get_property_value(name))(rate))
         except RuntimeError as error:
-            raise DataError(f'{self.address} refuses the sample rate {rate:g} Hz: {error}') from None
+            raise DataError(
+                f'{self.address} refuses the sample rate {rate:g} Hz: {error}'
+            ) from None
 
     def _made(self) -> Any:
         kind = self.address.partition('://')[0]

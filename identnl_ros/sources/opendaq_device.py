@@ -82,9 +82,7 @@ class OpenDaqDevice:
             if clock != self._clock:
                 self._clock, self._origin_ns = clock, clock.origin_ns
             self._reader = self._make_reader(list(signals.values()))
-            return tuple(
-                DeviceChannel(name, _unit(signal)) for name, signal in signals.items()
-            )
+            return tuple(DeviceChannel(name, _unit(signal)) for name, signal in signals.items())
         except BaseException:
             self.close()
             raise

@@ -25,6 +25,11 @@ class Condition(IntFlag):
     GAIN = 4096  # gain inconsistent with the motion of the rigid bodies
     LOST = 8192  # not used any more: no valid sample for long
 
+    @property
+    def in_words(self) -> str:
+        """Name of a single condition as people read it."""
+        return str(self.name).lower()
+
 
 # Samples with these are left out of the regression.
 EXCLUDING = (
@@ -35,6 +40,9 @@ EXCLUDING = (
     | Condition.SPIKE
     | Condition.LOST
 )
+
+# What is learned from a channel with these is wrong.
+CONTRADICTING = Condition.INVERTED | Condition.SWAPPED | Condition.GAIN
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The monitor: judges samples as they come, leaves bad ones out and tells why."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.blocks import ChannelStatus, SampleBlock, stamp_after
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.quality.condition import Condition, EXCLUDING, Finding
+from identnl_ros.core.quality.condition import Condition, CONTRADICTING, EXCLUDING, Finding
+from identnl_ros.core.quality.consistency import Consistency
 from identnl_ros.core.quality.fault_record import bits_set, FaultRecord
 from identnl_ros.core.quality.judged_run import AHEAD, JudgedRun, LAG, STRETCH, Stretch
 import numpy as np
@@ -20,18 +20,6 @@ from numpy.typing import NDArray
 # Most samples between the newest one taken and the newest one given out.
 LOOKAHEAD = STRETCH + AHEAD + LAG
 _CAUSES = tuple(condition for condition in Condition if condition & EXCLUDING)
-
-
-class Consistent(Protocol):
-    """Judge of the rigid-body motion that all channels see together."""
-
-    def add(self, first_index: int, samples: NDArray[np.float64]) -> None:
-        """Take cleaned samples, shape (n_samples, n_channels) [SI]; NaN: none."""
-        ...
-
-    def findings(self) -> tuple[Finding, ...]:
-        """Tell what stands now."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -187,6 +175,44 @@ class QualityMonitor:
         given += self._give(self._run.judge(block.last), block.last)
         return tuple(given)
 
+    def contradictions(self, without: Collection[str] = ()) -> tuple[str, ...]:
+        """
+        Tell which sensors have contradicted the motion of rigid bodies so far.
+
+        Parameters
+        ----------
+        without : collection of str
+            Sensors that are not used.
+
+        Returns
+        -------
+        tuple of str
+            In sentences.
+
+        """
+        return tuple(
+            finding.sentence
+            for (channel, condition), finding in self._inconsistencies.items()
+            if condition & CONTRADICTING and channel not in without
+        )
+
+    def finish(self) -> tuple[SampleBlock, ...]:
+        """
+        Give out what is still held back, where a stream ends without saying so.
+
+        Returns
+        -------
+        tuple of SampleBlock
+            At most one; a block that follows is treated as after a gap.
+
+        """
+        self._quality = ()
+        if self._newest is None or self._given_to == self.follower.next_index:
+            return ()
+        given = tuple(self._finish())
+        self._run.restart(self.follower.next_index)
+        return given
+
     def summary(self) -> QualitySummary:
         """
         Sum up since the begin of the stream.
@@ -213,7 +239,7 @@ class QualityMonitor:
             lost_samples=self.follower.lost_samples,
             repeated_blocks=self.follower.repeated_blocks,
             foreign_blocks=self.follower.foreign_blocks,
-            findings=(*self._record.findings(), *self._inconsistent()),
+            findings=(*self._record.findings(), *self._inconsistencies.values()),
         )
 
     def _begin(self) -> None:
@@ -222,6 +248,7 @@ class QualityMonitor:
         self._run = JudgedRun(self._layout, self._rate)
         self._record = FaultRecord(self._layout, self._rate)
         self._consistency = _consistency(self._model, self._layout, self._rate)
+        self._inconsistencies: dict[tuple[str, Condition], Finding] = {}
         self._told: set[tuple[str, Condition]] = set()
         self._causes = {cause: np.zeros(channels, dtype=np.int64) for cause in _CAUSES}
         self._excluded = np.zeros(channels, dtype=np.int64)
@@ -338,6 +365,8 @@ class QualityMonitor:
         keys = {(finding.channel, finding.condition) for finding in standing}
         news = tuple(one for one in standing if (one.channel, one.condition) not in self._told)
         self._told = keys
+        for one in standing:
+            self._inconsistencies[one.channel, one.condition] = one
         return news
 
     def _channel(self, finding: Finding) -> int:
@@ -361,6 +390,7 @@ def monitored(blocks: Iterable[SampleBlock], monitor: QualityMonitor) -> Iterato
     """
     for block in blocks:
         yield from monitor.add(block)
+    yield from monitor.finish()
 
 
 def _flagged(block: SampleBlock) -> NDArray[np.bool_]:
@@ -368,12 +398,7 @@ def _flagged(block: SampleBlock) -> NDArray[np.bool_]:
     return np.asarray((block.channel_status & ChannelStatus.SATURATED) != 0)
 
 
-def _consistency(model: Model | None, layout: Layout, sample_rate: float) -> Consistent | None:
+def _consistency(model: Model | None, layout: Layout, sample_rate: float) -> Consistency | None:
     if model is None:
         return None
-    try:
-        from identnl_ros.core.quality.consistency import Consistency
-    except ImportError:
-        return None
-    judge: Consistent = Consistency(model, layout, sample_rate)
-    return judge
+    return Consistency(model, layout, sample_rate)

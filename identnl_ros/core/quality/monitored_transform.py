@@ -3,18 +3,14 @@
 """Sensor blocks to body motion without the samples that are at fault."""
 
 from collections.abc import Collection
+from dataclasses import replace
 
 from identnl_ros.core.measurement.blocks import MotionBlock, SampleBlock
 from identnl_ros.core.measurement.continuity import StreamFollower
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.transform import MotionTransform
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.quality.condition import Condition
 from identnl_ros.core.quality.monitor import BlockQuality, QualityMonitor
-from dataclasses import replace
-
-# A channel with these falsifies what is learned from it.
-CONTRADICTING = Condition.INVERTED | Condition.SWAPPED | Condition.GAIN
 
 
 class MonitoredTransform:
@@ -46,7 +42,7 @@ class MonitoredTransform:
         self.transform = MotionTransform(model, layout, sample_rate, without)
         self.monitor = QualityMonitor(layout, sample_rate, model)
         self._without = frozenset(without)
-        self._contradictions: dict[tuple[str, Condition], str] = {}
+        self._judged: tuple[tuple[SampleBlock, BlockQuality], ...] = ()
 
     @property
     def follower(self) -> StreamFollower:
@@ -61,7 +57,7 @@ class MonitoredTransform:
     @property
     def contradictions(self) -> tuple[str, ...]:
         """Sensors in use that have contradicted the motion of rigid bodies so far, in words."""
-        return tuple(self._contradictions.values())
+        return self.monitor.contradictions(self._without)
 
     def add(self, block: SampleBlock) -> tuple[MotionBlock, ...]:
         """
@@ -83,19 +79,25 @@ class MonitoredTransform:
             If the block does not have the layout's channels or sample rate.
 
         """
-        cleaned = self.monitor.add(block)
+        return self._mapped(self.monitor.add(block))
+
+    def finish(self) -> tuple[MotionBlock, ...]:
+        """
+        Give out what is still held back, where a stream ends without saying so.
+
+        Returns
+        -------
+        tuple of MotionBlock
+
+        """
+        return self._mapped(self.monitor.finish())
+
+    def _mapped(self, cleaned: tuple[SampleBlock, ...]) -> tuple[MotionBlock, ...]:
         self._judged = tuple(zip(cleaned, self.monitor.quality, strict=True))
         motions = []
-        for one, quality in self._judged:
-            self._take_note(quality)
+        contradictions = self.contradictions
+        for one in cleaned:
             motion = self.transform.add(one)
             if motion is not None:
-                motions.append(replace(motion, contradictions=self.contradictions))
+                motions.append(replace(motion, contradictions=contradictions))
         return tuple(motions)
-
-    def _take_note(self, quality: BlockQuality) -> None:
-        for finding in quality.findings:
-            if finding.condition & CONTRADICTING and finding.channel not in self._without:
-                self._contradictions.setdefault(
-                    (finding.channel, finding.condition), finding.sentence
-                )

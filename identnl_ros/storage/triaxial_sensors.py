@@ -127,7 +127,7 @@ def _own_keys(
     expected = (
         'expected some of the axes x, y and z, as a list "[x, y, z]" or each with keys of its own'
     )
-    if isinstance(axes, list):
+    if axes and isinstance(axes, list):
         for i, letter in enumerate(axes):
             if not (isinstance(letter, str) and letter in tuple(LETTERS)):
                 raise document.problem((*path, AXES, i), f'found {shown(letter)}, {expected}')

@@ -161,6 +161,69 @@ def test_steps_of_a_converter_are_a_recorded_unit():
     assert read_layout(text, 'text').sensors[0].gain == 8.0
 
 
+TRIAXIAL = """\
+gravity: [0, 0, -9.81 m/s^2]
+defaults:
+  acceleration: {unit: V, gain: 10 mV/(m/s^2), noise: 1 mV, reads_gravity: true}
+sensors:
+  cell: {kind: force, excitation: shaker, front_mass: 35 g}
+  corner:
+    kind: acceleration
+    body: knee
+    point: [0.1, 0, 20 cm]
+    offset: 5 mV
+    axes:
+      x: {column: ai0, gain: 9.8 mV/(m/s^2)}
+      y:
+      z: {column: ai2, delay: 2 us, offset: 0, reads_gravity: false}
+    orientation: {x: [0, 1, 1], y: -x}
+  probe: {kind: displacement, body: knee, point: [0, 0, 0], relative_to: column, axes: [z, x]}
+"""
+
+
+def test_triaxial_sensor_is_three_sensors_along_its_own_axes():
+    cell, x, y, z, *probes = read_layout(TRIAXIAL, 'text').sensors
+
+    assert [one.name for one in (x, y, z)] == ['corner_x', 'corner_y', 'corner_z']
+    assert [one.column for one in (x, y, z)] == ['ai0', 'corner_y', 'ai2']
+    assert [one.gain for one in (x, y, z)] == [0.0098, 0.01, 0.01]
+    assert [one.offset for one in (x, y, z)] == [0.005, 0.005, 0.0]
+    assert [one.delay for one in (x, y, z)] == [0.0, 0.0, 2e-6]
+    assert [one.reads_gravity for one in (x, y, z)] == [True, True, False]
+    assert y.noise == pytest.approx(0.1)
+    half = math.sqrt(0.5)
+    # z completes a right-handed frame: x cross y, worked out by hand.
+    for one, direction in ((x, [0, half, half]), (y, [-1, 0, 0]), (z, [0, -half, half])):
+        assert (one.kind, one.body) == (SensorKind.ACCELERATION, 'knee')
+        np.testing.assert_array_equal(one.point, [0.1, 0.0, 0.2])
+        np.testing.assert_allclose(one.direction, direction, atol=1e-15)
+    assert [(one.name, one.reference_body) for one in probes] == [
+        ('probe_z', 'column'),
+        ('probe_x', 'column'),
+    ]
+    np.testing.assert_array_equal(probes[0].direction, [0, 0, 1])
+    assert cell.front_mass == pytest.approx(0.035)
+
+
+def test_gravity_is_read_and_is_the_standard_one_by_default():
+    np.testing.assert_array_equal(read_layout(TRIAXIAL, 'text').gravity, [0, 0, -9.81])
+    np.testing.assert_array_equal(read_layout(MINIMAL, 'text').gravity, [0, 0, -9.80665])
+    assert not any(sensor.reads_gravity for sensor in read_layout(MINIMAL, 'text').sensors)
+
+
+@pytest.mark.parametrize(
+    ('stated', 'recorded'),
+    [('10 V', 10.0), ('500 m/s^2', 5.0), ('9', 9.0), ('8000 mV', 8.0)],
+)
+def test_full_scale_is_in_the_recorded_unit_or_that_of_the_quantity(stated, recorded):
+    text = MINIMAL.replace('offset: 20 mV', f'full_scale: {stated}')
+    default = MINIMAL.replace('noise: 10 nm', 'full_scale: 0.5 mm')
+
+    assert read_layout(text, 'text').sensors[2].full_scale == pytest.approx(recorded)
+    assert read_layout(default, 'text').sensors[1].full_scale == pytest.approx(5e5)  # nm
+    assert math.isnan(read_layout(default, 'text').sensors[2].full_scale)
+
+
 def test_default_layout_stands_beside_the_machine():
     assert default_layout_path('stands/mill.yaml') == Path('stands/mill_layout.yaml')
 
@@ -210,6 +273,52 @@ def test_bad_file_gives_one_line_with_place_and_cause(old, new, line, words):
 
     message = str(caught.value)
     assert message.startswith('bad.yaml: ' if line is None else f'bad.yaml:{line}: ')
+    assert words in message
+    assert '\n' not in message
+
+
+BAD_TRIAXIAL = [
+    ('9.8 mV/(m/s^2)', '9.8 mV/g', 12, 'sensors.corner_x.gain: found "9.8 mV/g", expected a gain'),
+    ('y:\n', 'w:\n', 13, 'sensors.corner.axes.w: is no axis; expected some of'),
+    ('y:\n', 'y: 3\n', 13, 'sensors.corner.axes.y: found "3", expected keys and values'),
+    ('delay: 2 us', 'dely: 2', 14, 'sensors.corner.axes.z.dely: is no key of a single axis'),
+    ('point: [0.1, 0, 20 cm]', 'point: [0.1, 0]', 9, 'point: found a list of 2'),
+    ('point: [0.1, 0, 20 cm]', 'pont: 3', 9, 'sensors.corner_x.pont: unknown key; did you mean'),
+    ('body: knee\n', 'direction: +x\n', 8, 'corner.direction: a sensor with axes has several'),
+    ('offset: 5 mV', 'column: ai9', 10, 'corner.column: a sensor with axes has several'),
+    ('[0, 1, 1], y: -x', '[0, 1, 1], y: +z', 15, 'orientation: x and y are at 45 degrees'),
+    ('y: -x}', 'y: -x, z: [0, 1, -1]}', 15, 'orientation: the axes x, y, z are left-handed'),
+    ('y: -x}', 'y: [0, 0, 0]}', 15, 'orientation: y: direction is zero'),
+    ('[0, 1, 1], y: -x', '[0, 1, 1]', 15, 'orientation: found keys and values, expected where'),
+    ('y: -x}', 'w: -x}', 15, 'orientation: found "w", expected where at least two'),
+    ('y: -x}', 'y: up}', 15, 'orientation: y: found "up", expected a direction'),
+    ('[z, x]', '[z, z]', 16, 'sensors.probe.axes.1: axis z is here twice'),
+    ('[z, x]', '[]', 16, 'sensors.probe.axes: found a list of 0, expected some of the'),
+    ('[z, x]', '3', 16, 'sensors.probe.axes: found "3", expected some of the axes'),
+    ('axes: [z, x]', 'direction: +x, orientation: {}', 16, 'orientation: goes with the key axes'),
+    ('  cell:', '  corner_y:', 6, 'sensors.corner: two sensors are called corner_y'),
+    ('kind: displacement', 'kind: force', 16, 'axes: only sensors of acceleration, velocity'),
+    ('35 g', '35 mm', 5, 'sensors.cell.front_mass: found "35 mm", expected a mass'),
+    ('35 g', '-35 g', 5, 'sensor cell: front_mass is -0.035 kg'),
+    ('reads_gravity: true', 'reads_gravity: yes', 3, 'reads_gravity: found "yes", expected true'),
+    ('-9.81 m/s^2]', '-9.81 m/s]', 1, 'gravity: number 3: found "-9.81 m/s", expected an accel'),
+    ('cell: {', 'cell: {full_scale: 3 m, ', 5, 'cell.full_scale: found "3 m", expected a'),
+    ('cell: {', 'cell: {full_scale: 0 N, ', 5, 'sensor cell: full_scale is 0.0'),
+    ('cell: {', 'cell: {reads_gravity: true, ', 5, 'sensors.cell.reads_gravity: unknown key'),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'line', 'words'), BAD_TRIAXIAL, ids=[f'{b[1]!r}' for b in BAD_TRIAXIAL]
+)
+def test_bad_triaxial_sensor_gives_one_line_with_place_and_cause(old, new, line, words):
+    assert old in TRIAXIAL
+
+    with pytest.raises(LayoutError) as caught:
+        read_layout(TRIAXIAL.replace(old, new, 1), 'bad.yaml')
+
+    message = str(caught.value)
+    assert message.startswith(f'bad.yaml:{line}: ')
     assert words in message
     assert '\n' not in message
 

@@ -18,16 +18,19 @@ LAYOUTS = sorted(CONFIG.glob('*_layout.yaml'))
 EVERYTHING = """\
 stand: everything
 sample_rate: 610.3515625 Hz
+gravity: [0, 0.3, -9.79]
 sensors:
   cell: {kind: force, excitation: shaker, unit: daN, gain: 0.983, offset: -3}
   strange: {kind: force, excitation: shaker, unit: count, gain: 13.7 count/N, noise: 0}
   probe: {kind: displacement, body: block, relative_to: table, point: [0.1, 20 cm, 300 mm],
-          direction: [0.3, -0.7, 0.2], unit: um, gain: -1.013, noise: 10 nm, resolution: 3 nm}
+          direction: [0.3, -0.7, 0.2], unit: um, gain: -1.013, noise: 10 nm, resolution: 3 nm,
+          full_scale: 0.41 mm}
   laser: {kind: velocity, body: block, point: [0, 0, 0], direction: -y, unit: mV,
           gain: 0.5 V/(mm/s), delay: -25 us, column: 'Voltage: 3 (mV)'}
   accelerometer: {kind: acceleration, body: block, point: [0, 0, 0], direction: [0, 3, 4],
           unit: '%', gain: 1.7 %/(m/s^2), offset: 20, drift: -0.3 %/s, noise: 0.1 %,
-          resolution: 0.002 m/s^2, dropout_probability: 0.1 %}
+          resolution: 0.002 m/s^2, dropout_probability: 0.1 %, full_scale: 70, reads_gravity: true}
+  impedance_head: {kind: force, excitation: shaker, unit: pC, gain: 4 pC/N, front_mass: 13.7 g}
 """
 
 
@@ -38,6 +41,7 @@ def written(layout):
 def assert_same(layout, other):
     assert (layout.stand, layout.sample_rate) == (other.stand, other.sample_rate)
     assert len(layout.sensors) == len(other.sensors)
+    np.testing.assert_array_equal(layout.gravity, other.gravity)
     for sensor, again in zip(layout.sensors, other.sensors, strict=True):
         for field in fields(Sensor):
             np.testing.assert_array_equal(
@@ -65,6 +69,7 @@ def test_written_text_is_short_and_in_the_usual_order():
 
 stand: everything
 sample_rate: 610.3515625
+gravity: [0, 0.3, -9.79]
 
 sensors:
   cell:

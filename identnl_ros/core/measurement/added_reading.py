@@ -48,7 +48,9 @@ class AddedReading:
         ndarray, shape (n_samples, n_channels)
 
         """
-        return np.asarray(self.constant + motion @ self.matrix.T)
+        # What is not known of other bodies does not matter.
+        used = self.matrix.any(axis=0)
+        return np.asarray(self.constant + motion[..., used] @ self.matrix[:, used].T)
 
     def taken_out(
         self, readings: NDArray[np.float64], motion: NDArray[np.float64]

@@ -165,11 +165,10 @@ def largest_step(samples, sizes, dead_from):
     else:
         lost[50::37, channel] = np.nan
     lost[400::90, LAYOUT.of_kind(D)[1]] = np.nan
-    (a, first), (b, second) = (transformed(one, sizes=sizes) for one in (complete, lost))
-    deviation = np.sqrt(np.diag(a.displacement_covariance))
-    return np.nanmax(
-        np.abs(whole(second, 'displacement') - whole(first, 'displacement')) / deviation
-    )
+    transform, motions = transformed(samples, sizes=sizes)
+    deviation = np.sqrt(np.diag(transform.displacement_covariance))
+    found = whole(transformed(lost, sizes=sizes)[1], 'displacement')
+    return np.max(np.abs(found - whole(motions, 'displacement')) / deviation)
 
 
 @pytest.mark.parametrize('sizes', [(), [50] * 13])

@@ -268,14 +268,20 @@ def study(cell: Cell, runs: int, mapping: Mapping) -> Outcome[Cell]:
 @click.option('--runs', default=200, show_default=True)
 @click.option('--duration', default=0.3, show_default=True, help='Of the data of a run [s].')
 @click.option('--processes', default=2, show_default=True)
-def main(estimator: str, runs: int, duration: float, processes: int) -> None:
+@click.option(
+    '--cell', 'numbers', multiple=True, type=int, help='Of the table, from 0; default: all.'
+)
+def main(
+    estimator: str, runs: int, duration: float, processes: int, numbers: tuple[int, ...]
+) -> None:
     """Study missing samples and dead sensors; the table goes to studies/results."""
     console = Console()
     outcomes: list[Outcome[Cell]] = []
     RESULTS.mkdir(exist_ok=True)
     path = RESULTS / 'degraded.md'
     with workers(processes, runs, console) as mapping:
-        for cell in cells(estimator, duration):
+        planned = cells(estimator, duration)
+        for cell in (planned[i] for i in numbers or range(len(planned))):
             outcomes.append(study(cell, runs, mapping))
             shares = {one.cell.name: instants(one.cell, min(runs, 20)) for one in outcomes}
 

@@ -56,6 +56,7 @@ study: setup
 	@$(BIN)/python studies/noise.py --estimator weak --runs 1000
 	@$(BIN)/python studies/noise.py --estimator likelihood --runs 200
 	@$(BIN)/python studies/inner.py --weak 200 --likelihood 60
+	@$(BIN)/python studies/degraded.py --runs 200
 	@$(BIN)/python studies/hidden_effects.py --excitation multisine --group one --group null
 	@$(BIN)/python studies/hidden_effects.py --excitation multisine --group outside \
 	    --group strong --group two --group three --out hidden_effects_more

@@ -118,3 +118,26 @@ def test_hidden_effects_are_named_and_nothing_else_is(hidden_effects):
     assert all(one.reaches_floor for one in results[:4])
     text = hidden_effects.table(results)
     assert text.count('\n') == 4
+
+
+@pytest.fixture(scope='module')
+def degraded():
+    return loaded('degraded')
+
+
+@pytest.mark.parametrize('name', ['samples, 1e-3', '5 % of the blocks and a sensor'])
+def test_weak_estimates_know_their_errors_where_readings_are_missing(degraded, name):
+    runs = 3
+    (cell,) = [one for one in degraded.cells('weak', 0.3) if one.name == name]
+    found = degraded.study(cell, runs, map)
+    assert found.failed == found.doubted == 0
+    scores = (found.values - found.truth) / found.deviations
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], runs) / runs
+    assert np.all((low < (scores**2).mean(axis=0)) & ((scores**2).mean(axis=0) < 1.5 * high))
+    assert 0.6 < np.sqrt(np.mean(scores**2)) < 1.5
+    if not cell.lost_blocks:
+        # Of 39 channels 4 % of the instants lack a sample: that costs next to nothing.
+        np.testing.assert_allclose(np.median(found.deviations, axis=0), found.bound, rtol=0.03)
+        known, complete = degraded.instants(cell, 2)
+        assert known > 0.994  # all but the margins of the derivatives
+        assert complete < 0.97

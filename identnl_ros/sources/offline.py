@@ -253,6 +253,7 @@ def _records(
             layout = layout_without(stream.layout, ignored)
             # What is left must tell the force; more is not needed.
             observe_force(model, layout)
+        losses.degradation += [f'{name}: ignored' for name in without]
         kept = [i for i in range(len(stream.layout.sensors)) if i not in ignored]
         follower = StreamFollower()
         monitor = QualityMonitor(stream.layout, stream.sample_rate, model)

@@ -5,15 +5,29 @@
 from dataclasses import replace
 
 from identnl_ros.core.errors import LayoutError
+from identnl_ros.core.estimation.estimate import EstimateStatus
 from identnl_ros.core.measurement.alignment import HALF_WIDTH
-from identnl_ros.core.measurement.layout import Layout, SensorKind
+from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.core.measurement.observation import sensor_matrix
 from identnl_ros.core.measurement.transform import MotionTransform
 from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.pointwise.pointwise_identifier import PointwiseIdentifier
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from tests.core.machines import blocks_of, line_layout, motion_of, oscillator, skew_machine
+from tests.core.machines import (
+    blocks_of,
+    deviations_of,
+    line_layout,
+    motion_of,
+    oscillator,
+    skew_machine,
+    truth_of,
+    unknown,
+    values_of,
+)
+from tests.core.weak_runs import exact, identifier_of, noisy
 from tests.reference_machines import complete_layout
 
 RATE = 2000.0
@@ -165,11 +179,10 @@ def largest_step(samples, sizes, dead_from):
     else:
         lost[50::37, channel] = np.nan
     lost[400::90, LAYOUT.of_kind(D)[1]] = np.nan
-    (a, first), (b, second) = (transformed(one, sizes=sizes) for one in (complete, lost))
-    deviation = np.sqrt(np.diag(a.displacement_covariance))
-    return np.nanmax(
-        np.abs(whole(second, 'displacement') - whole(first, 'displacement')) / deviation
-    )
+    transform, motions = transformed(samples, sizes=sizes)
+    deviation = np.sqrt(np.diag(transform.displacement_covariance))
+    found = whole(transformed(lost, sizes=sizes)[1], 'displacement')
+    return np.max(np.abs(found - whole(motions, 'displacement')) / deviation)
 
 
 @pytest.mark.parametrize('sizes', [(), [50] * 13])
@@ -334,3 +347,43 @@ def test_ignoring_what_is_needed_or_does_not_exist_is_refused():
         MotionTransform(MODEL, LAYOUT, RATE, [LAYOUT.sensors[0].name])
     with pytest.raises(LayoutError, match=f'did you mean {saddle[0]}'):
         MotionTransform(MODEL, LAYOUT, RATE, [saddle[0] + 'x'])
+
+
+# --- estimators -------------------------------------------------------------------------------
+
+LINEAR = assemble(oscillator(None, unknown(4e5), unknown(200.0)))
+PROBE = Sensor('coarse', D, 'block', noise=6e-8)
+TWO_PROBES = line_layout(kinds=(D,), noise={F: 0.0, D: 1e-8})
+TWO_PROBES = replace(TWO_PROBES, sensors=(*TWO_PROBES.sensors, PROBE))
+
+
+def test_weak_estimator_weighs_what_is_left_of_a_layout_by_its_own_noise():
+    samples = exact(LINEAR, TWO_PROBES, count=4096)
+    half, scores = 2048, []
+    for seed in range(6):
+        noisy_samples = noisy(samples, TWO_PROBES, seed)
+        dying = noisy_samples.copy()
+        dying[half:, 1] = np.nan
+        found = identifier_of(dying, LINEAR, TWO_PROBES, sizes=[64] * 63).estimate()
+        assert {parameter.status for parameter in found.parameters} == {EstimateStatus.OK}
+        scores.append((values_of(found) - truth_of(LINEAR)) / deviations_of(found))
+    # Both probes up to the middle, then the coarse one: six times the noise, so next to nothing.
+    before = identifier_of(noisy_samples[:half], LINEAR, TWO_PROBES).estimate()
+    np.testing.assert_allclose(deviations_of(found), deviations_of(before), rtol=0.1)
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], 12)
+    assert low < (np.array(scores) ** 2).sum() < high
+
+
+def test_pointwise_bias_is_that_of_the_noise_at_the_instants_used():
+    samples = noisy(exact(LINEAR, TWO_PROBES, count=3000), TWO_PROBES)
+    dying = samples.copy()
+    dying[1000:, 1] = np.nan
+    identifier = PointwiseIdentifier(LINEAR)
+    counts, covariances = [], []
+    for motion in motion_of(LINEAR, TWO_PROBES, blocks_of(dying, RATE, [100] * 29)):
+        identifier.add(motion)
+        counts.append(np.isfinite(motion.acceleration).all(axis=1).sum())
+        covariances.append(motion.displacement_covariance)
+    expected = np.average(covariances, axis=0, weights=counts)
+    np.testing.assert_allclose(identifier.state.noise.displacement, expected, rtol=1e-12)
+    assert expected[0, 0] > 2 * covariances[0][0, 0]

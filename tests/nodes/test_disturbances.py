@@ -11,6 +11,7 @@ from identnl_msgs.msg import (
     SampleBlock as SampleBlockMessage,
     StandDescription as StandDescriptionMessage,
 )
+from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.conversions import block_to_message
 from identnl_ros.nodes.description_conversion import description_to_message
@@ -89,6 +90,19 @@ def test_lost_repeated_and_damaged_blocks_are_counted(
     watcher.until(
         lambda: watcher.health['bench/transform: stream'].values['blocks received'] == '12'
     )
+
+
+def test_ignored_sensor_is_named_with_what_that_costs(
+    start, watcher, description, blocks, publish
+):
+    name = next(
+        one.name for one in description.layout.sensors if one.kind is SensorKind.DISPLACEMENT
+    )
+    start('transform', ignored_sensors=[name])
+    publish([], describe=description)
+    wait_for_stream(watcher, description)
+    publish(messages(blocks[:4]))
+    watcher.health_of('transform: readings', f'{name}: ignored; without it the standard deviation')
 
 
 def test_second_publisher_is_named_and_not_used(

@@ -77,7 +77,11 @@ def cost_of(
         known[kind] = bool(np.all(noise[own] > 0))
         if not known[kind]:
             noise[own] = 1.0
-    complete = MotionMap(model, layout, sample_rate)
+    try:
+        complete = MotionMap(model, layout, sample_rate)
+    except LayoutError as error:
+        # Without them the layout is sound, with them it was not.
+        return f'nothing is lost ({error})'
     try:
         rest = MotionMap(model, layout_without(layout, lost), sample_rate)
     except LayoutError as error:

@@ -264,10 +264,11 @@ class Consistency:
 
     def _exchanged(self, search: Contradictions) -> dict[int, int]:
         """Pair channels of a kind that explain each other."""
-        kinds, told = self._redundancy.kinds, search.comparison.fit.told
+        kinds, found = self._redundancy.kinds, search.comparison
+        wrong = search.sums.valid & (search.excess(found) > search.limit(found))
         result: dict[int, int] = {}
         for one in search.left_out:
-            others = np.flatnonzero((kinds == kinds[one]) & told & search.sums.valid)
+            others = np.flatnonzero((kinds == kinds[one]) & wrong)
             remaining = {
                 int(other): search.exchange(one, int(other))
                 for other in others

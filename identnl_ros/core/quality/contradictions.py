@@ -191,14 +191,19 @@ class Contradictions:
         return np.asarray(np.sqrt(np.clip(excess, 0.0, None) / np.maximum(expected, TINY)))
 
     def mismatch(self, found: Comparison) -> Reals:
-        """Estimate the usual relative error of the used channels of each channel's group."""
+        """
+        Estimate the usual relative error of each channel's group: the median.
+
+        Channels that are left out count, so that leaving out the worst does not make the rest
+        look better than it is.
+        """
         result = np.full(len(self._groups), USUAL_MISMATCH)
         every = self.own_mismatch(found)
         for group in np.unique(self._groups):
             members = self._groups == group
-            judging = members & self.used & found.fit.told
-            if judging.any():
-                result[members] = np.median(every[judging])
+            judged = members & self.sums.valid & found.fit.told
+            if (judged & self.used).any():
+                result[members] = np.median(every[judged])
         return result
 
     def limit(self, found: Comparison) -> Reals:

@@ -90,12 +90,13 @@ def unit_of(what: Property, sensor: Sensor) -> str:
     str
 
     """
+    recorded, unit = sensor.recorded_unit, sensor.kind.unit
     return {
-        Property.GAIN: f'({sensor.recorded_unit})/({sensor.kind.unit})',
+        Property.GAIN: '1' if recorded == unit else f'({recorded})/({unit})',
         Property.DIRECTION: 'rad',
         Property.DELAY: 's',
-        Property.OFFSET: sensor.recorded_unit,
-    }.get(what, sensor.kind.unit)
+        Property.OFFSET: recorded,
+    }.get(what, unit)
 
 
 def _quiet(one: QuietChannel) -> dict[str, Any]:

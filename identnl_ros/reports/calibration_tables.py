@@ -56,7 +56,7 @@ def show_calibration(
 
 def _calibrated(title: str, found: list[Calibrated], sensors: dict[str, Sensor]) -> Table:
     table = _table(title)
-    table.add_column('sensor')
+    table.add_column('sensor', no_wrap=True)
     table.add_column('what', no_wrap=True)
     for heading in ('layout', 'found', '+-'):
         table.add_column(heading, justify='right', no_wrap=True)
@@ -68,7 +68,7 @@ def _calibrated(title: str, found: list[Calibrated], sensors: dict[str, Sensor])
             unit, size = '°', math.degrees(1)
         if one.what is Property.DELAY:
             unit, size = 'µs', 1e6
-        sigmas = _significant(one.deviation, 2)
+        sigmas = '-' if math.isnan(one.deviation) else f'{one.deviation:.1f}'
         axis = f' to {towards(one)}' if towards(one) else ''
         table.add_row(
             escape(one.sensor),
@@ -84,7 +84,7 @@ def _calibrated(title: str, found: list[Calibrated], sensors: dict[str, Sensor])
 
 def _quiet(channels: tuple[QuietChannel, ...]) -> Table:
     table = _table('Quiet record')
-    table.add_column('sensor')
+    table.add_column('sensor', no_wrap=True)
     for heading in ('noise', '+-', 'per √Hz', 'step', 'mean', '+-'):
         table.add_column(heading, justify='right', no_wrap=True)
     table.add_column('unit', no_wrap=True)

@@ -105,7 +105,7 @@ def _edits(
     top = _children(root)
     entries = _children(top.get('sensors', (None, None))[1])
     defaults = _children(top.get('defaults', (None, None))[1])
-    comments: dict[int, list[str]] = {}
+    comments: dict[int, tuple[str, str]] = {}
     sensors = {one.name: one for one in intended.sensors}
     for sensor in before.sensors:
         found = [one for one in calibrated if one.sensor == sensor.name]
@@ -128,9 +128,7 @@ def _edits(
                 added.append(f'{key}: {value}')
         if added:
             yield _added(text, node, added)
-        comments.setdefault(name_node.start_mark.index, []).append(
-            _comment(found, values, sensors[sensor.name])
-        )
+        comments[name_node.start_mark.index] = sensor.name, _comment(found, values)
     yield from _comments(text, comments)
 
 
@@ -163,14 +161,15 @@ def _added(text: str, node: yaml.MappingNode, lines: list[str]) -> _Edit:
     return _Edit(begin, begin, ''.join(f'{line}{newline}{indent}' for line in lines))
 
 
-def _comments(text: str, comments: Mapping[int, list[str]]) -> Iterator[_Edit]:
+def _comments(text: str, comments: Mapping[int, tuple[str, str]]) -> Iterator[_Edit]:
     """Say at the end of the line of a sensor's name what was found."""
-    lines: dict[int, list[str]] = {}
-    for index, words in comments.items():
-        lines.setdefault(_line_end(text, index), []).extend(words)
-    for end, words in lines.items():
+    lines: dict[int, list[tuple[str, str]]] = {}
+    for index, said in comments.items():
+        lines.setdefault(_line_end(text, index), []).append(said)
+    for end, all_said in lines.items():
         begin = text.rfind('\n', 0, end) + 1
         old = _OLD_COMMENT.search(text[begin:end])
+        words = [f'{name}: {words}' if len(all_said) > 1 else words for name, words in all_said]
         yield _Edit(
             begin + old.start() if old else end, end, f'  # calibrated: {"; ".join(words)}'
         )
@@ -238,7 +237,7 @@ def _rounded(value: float, error: float) -> str:
     return number(float(f'{value:.{DIGITS}g}'))
 
 
-def _comment(found: list[Calibrated], values: Mapping[str, str], sensor: Sensor) -> str:
+def _comment(found: list[Calibrated], values: Mapping[str, str]) -> str:
     """Tell the standard errors."""
     words = []
     for one in found:
@@ -257,7 +256,7 @@ def _comment(found: list[Calibrated], values: Mapping[str, str], sensor: Sensor)
             f'{one.what.value} {values[one.what.value].split()[0]} +- '
             f'{one.standard_error * scale:.2g} {unit}'.rstrip()
         )
-    return f'{sensor.name}: {", ".join(words)}' if words else sensor.name
+    return ', '.join(words)
 
 
 def _check(read: Layout, intended: Layout, calibrated: tuple[Calibrated, ...]) -> None:

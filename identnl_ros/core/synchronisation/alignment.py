@@ -4,6 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.blocks import NANOSECONDS
@@ -163,7 +164,7 @@ def align(
         overlap.
 
     """
-    places = _places(layout, sources)
+    places = channel_places(layout, sources)
     clocks = tuple(
         fit_clock(one.sample_rate, one.stamped, one.stamps_ns, tolerance) for one in sources
     )
@@ -195,8 +196,34 @@ def align(
     return Alignment(record, clocks, grids, replace(found, delays=zero, skews=zero))
 
 
-def _places(layout: Layout, sources: Sequence[SourceRecord]) -> list[list[int]]:
-    """Find the channels of the layout that each source has."""
+class WithChannels(Protocol):
+    """A source that says which channels it has."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of sensors of the layout."""
+        ...
+
+
+def channel_places(layout: Layout, sources: Sequence[WithChannels]) -> list[list[int]]:
+    """
+    Find the channels of the layout that each source has.
+
+    Parameters
+    ----------
+    layout : Layout
+    sources : sequence of objects with channels
+
+    Returns
+    -------
+    list of list of int
+
+    Raises
+    ------
+    DataError
+        If channels are missing or twice there.
+
+    """
     names = [sensor.name for sensor in layout.sensors]
     found = [name for source in sources for name in source.channels]
     for name in (*names, *found):

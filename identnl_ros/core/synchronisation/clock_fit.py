@@ -130,6 +130,8 @@ class _Line:
     covariance: NDArray[np.float64]
     squares: float
     count: int
+    wander: float = 0.0
+    last: float = 0.0
 
     @property
     def jitter(self) -> float:
@@ -145,6 +147,12 @@ class _Line:
 
     def add(self, time: float, stamp: float) -> float:
         """Take a stamp; return its residual in standard deviations."""
+        if self.wander:
+            # The skew has gone astray since the last stamp, the time then is still known.
+            turn = np.array([-self.last, 1.0])
+            spread = self.wander**2 * (time - self.last) / self.jitter**2
+            self.covariance = self.covariance + spread * np.outer(turn, turn)
+            self.last = time
         row = np.array([1.0, time])
         residual, spread = self.residual(time, stamp)
         score = residual / (spread * self.jitter)
@@ -181,16 +189,22 @@ class ClockFit:
         Nominal [Hz].
     tolerance : float
         Standard deviation of the skew before any stamp; infinite: not known [-].
+    wander : float
+        Standard deviation by which the skew changes in a second, as a random walk: old stamps
+        are forgotten [1/sqrt(s)].
 
     """
 
-    def __init__(self, sample_rate: float, tolerance: float = CRYSTAL_TOLERANCE) -> None:
+    def __init__(
+        self, sample_rate: float, tolerance: float = CRYSTAL_TOLERANCE, wander: float = 0.0
+    ) -> None:
         if not (np.isfinite(sample_rate) and sample_rate > 0 and tolerance > 0):
             raise DataError(
                 f'clock: sample rate {sample_rate} Hz and tolerance {tolerance} must be positive'
             )
         self._rate = sample_rate
         self._tolerance = tolerance
+        self._wander = wander
         self._first: list[tuple[int, int]] = []
         self._line: _Line | None = None
         self._suspicions = (_Suspicion(1.0), _Suspicion(-1.0))
@@ -225,10 +239,17 @@ class ClockFit:
             self._first.append((index, stamp_ns))
             if len(self._first) == FIRST_STAMPS:
                 self._line = self._fitted()
+                self._line.wander = self._wander
+                self._line.last = (index - self._first[0][0]) / self._rate
             return
         time = (index - self._first[0][0]) / self._rate
         stamp = (stamp_ns - self._first[0][1]) / NANOSECONDS
         self._follow(index, time, stamp)
+
+    @property
+    def ready(self) -> bool:
+        """Whether there are stamps enough for a clock."""
+        return len(self._first) >= 3
 
     @property
     def clock(self) -> Clock:

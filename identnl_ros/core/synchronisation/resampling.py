@@ -81,8 +81,7 @@ class Resampler:
     def __init__(self, grid: Grid, channels: int) -> None:
         self._grid = grid
         self._stretch = max(1.0, grid.step)
-        self._reach = int(np.ceil(HALF_WIDTH * self._stretch))
-        self._shape = 0.1102 * (STOP_BAND - 8.7)
+        self._reach = reach_of(self._stretch)
         self._buffer = np.empty((0, channels))
         self._buffer_begin = 0
         self._next_point = 0
@@ -114,7 +113,8 @@ class Resampler:
         points = np.arange(self._next_point, max(count, self._next_point))
         base = np.floor(self._grid.place(points.astype(np.float64))).astype(np.int64)
         points = points[base + self._reach < end]
-        result = self._at(points)
+        place = self._grid.place(points.astype(np.float64)) - self._buffer_begin
+        result = interpolate(self._buffer, place, self._stretch)
         self._next_point += len(points)
         needed = int(np.floor(self._grid.place(np.array(float(self._next_point))))) - self._reach
         drop = int(np.clip(needed - self._buffer_begin, 0, len(self._buffer)))
@@ -122,23 +122,59 @@ class Resampler:
         self._buffer_begin += drop
         return result
 
-    def _at(self, points: NDArray[np.int64]) -> NDArray[np.float64]:
-        result = np.full((len(points), self._buffer.shape[1]), np.nan)
-        reach = np.arange(-self._reach + 1, self._reach + 1)
-        for begin in range(0, len(points), CHUNK):
-            place = self._grid.place(points[begin : begin + CHUNK].astype(np.float64))
-            base = np.floor(place).astype(np.int64)
-            distance = ((place - base)[:, np.newaxis] - reach) / self._stretch
-            window = np.sqrt(np.maximum(0.0, 1 - (distance / HALF_WIDTH) ** 2))
-            weights = np.sinc(distance) * np.i0(self._shape * window) / np.i0(self._shape)
-            weights /= self._stretch
-            rows = base[:, np.newaxis] + reach - self._buffer_begin
-            known = rows[:, 0] >= 0
-            values = self._buffer[rows[known]]
-            result[begin : begin + CHUNK][known] = np.matmul(
-                weights[known, np.newaxis, :], values
-            )[:, 0]
-        return result
+
+def reach_of(stretch: float) -> int:
+    """
+    Count the samples on either side that a point is made from.
+
+    Parameters
+    ----------
+    stretch : float
+        Samples per point, at least 1.
+
+    Returns
+    -------
+    int
+
+    """
+    return int(np.ceil(HALF_WIDTH * stretch))
+
+
+def interpolate(
+    samples: NDArray[np.float64], place: NDArray[np.float64], stretch: float = 1.0
+) -> NDArray[np.float64]:
+    """
+    Evaluate all channels of a source at places between its samples.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples, n_channels)
+    place : ndarray, shape (n_points,)
+        [samples of the source].
+    stretch : float
+        Samples per point where the points are coarser, else 1.
+
+    Returns
+    -------
+    ndarray, shape (n_points, n_channels)
+        NaN where an invalid sample, or one beyond the ends, is within reach.
+
+    """
+    result = np.full((len(place), samples.shape[1]), np.nan)
+    half = reach_of(stretch)
+    shape = 0.1102 * (STOP_BAND - 8.7)
+    reach = np.arange(-half + 1, half + 1)
+    whole = np.floor(place).astype(np.int64)
+    inside = np.flatnonzero((whole - half + 1 >= 0) & (whole + half < len(samples)))
+    for begin in range(0, len(inside), CHUNK):
+        own = inside[begin : begin + CHUNK]
+        distance = ((place[own] - whole[own])[:, np.newaxis] - reach) / stretch
+        window = np.sqrt(np.maximum(0.0, 1 - (distance / HALF_WIDTH) ** 2))
+        weights = np.sinc(distance) * np.i0(shape * window) / np.i0(shape)
+        weights /= stretch
+        values = samples[whole[own][:, np.newaxis] + reach]
+        result[own] = np.matmul(weights[:, np.newaxis, :], values)[:, 0]
+    return result
 
 
 def resample(samples: NDArray[np.float64], grid: Grid, count: int) -> NDArray[np.float64]:

@@ -168,7 +168,7 @@ class SeveralDevices:
         self._status = np.zeros_like(status)
         # Also where a device is away while the others go on.
         without = np.isnan(block.samples).any(axis=0) & (status == ChannelStatus.OK)
-        status[without] |= ChannelStatus.MISSING_SAMPLES
+        status[without] = ChannelStatus.MISSING_SAMPLES
         return block.first_index, block.stamp_ns, Readings(block.samples, status)
 
 

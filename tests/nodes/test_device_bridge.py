@@ -85,7 +85,7 @@ class Stand:
             'source': 'udp',
             'machine_file': MACHINE,
             'layout_file': self.layout,
-            'device_silence': 0.5,
+            'device_silence': 1.5,
             'reconnect_pause': 0.05,
             'reconnect_longest_pause': 0.1,
             'udp.port': self.port,
@@ -143,7 +143,7 @@ def test_stream_of_a_device_that_comes_back_identifies_the_machine(start, watche
     sender = stand.send(0)
     watcher.until(lambda: watcher.blocks and watcher.blocks[-1].first_sample_index >= 3000, 30)
     sender.send_signal(signal.SIGKILL)
-    assert 'no samples for 0.5 s' in watcher.health_of(part, 'away', level=2)
+    assert 'no samples for 1.5 s' in watcher.health_of(part, 'away', level=2)
     stopped = watcher.blocks[-1].first_sample_index + count(watcher.blocks[-1])
     reconnects = int(watcher.health[f'bench/{part}'].values['reconnects'])
     stand.send(PART)
@@ -154,7 +154,7 @@ def test_stream_of_a_device_that_comes_back_identifies_the_machine(start, watche
     bridge.signal(signal.SIGTERM)
     final = watcher.final_estimate()
     assert bridge.exit_code() == 0
-    assert 'is lost: no samples for 0.5 s' in bridge.output
+    assert 'is lost: no samples for 1.5 s' in bridge.output
     assert 'is back after' in bridge.output
 
     assert len({block.stream_id for block in watcher.blocks}) == 1

@@ -42,7 +42,7 @@ class DomainClock:
         return float(1 / (self.resolution * self.step))
 
     def index(self, tick: int) -> int:
-        """Give the number of a sample: one higher from sample to sample, the same after a new start."""
+        """Give the number of a sample, which is the same after a new start."""
         return tick // self.step
 
     def stamp_ns(self, tick: int, origin_ns: int) -> int:

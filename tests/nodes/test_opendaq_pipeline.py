@@ -148,5 +148,5 @@ def test_stand_is_identified_from_an_opendaq_device_that_is_killed_once(start, w
 
 
 def count(message) -> int:
-    """Samples in a block."""
+    """Give the number of samples in a block."""
     return len(message.samples) // message.channel_count

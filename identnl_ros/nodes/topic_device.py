@@ -230,7 +230,7 @@ class TopicDevice:
         if self._kind.is_stamped:
             stamp = message.header.stamp
             stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        values = self._values(message)
+        values: Any = self._values(message)
         if self._kind.covariance and getattr(message, self._kind.covariance)[0] == -1.0:
             values = np.full(len(self._kind.fields), np.nan)  # the sensor does not measure it
         self._messages.put(_Message(stamp_ns, arrival_ns, values))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta, UTC
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 from identnl_ros.core.errors import DataError
@@ -41,7 +42,7 @@ class DomainClock:
         return float(1 / (self.resolution * self.step))
 
     def index(self, tick: int) -> int:
-        """Number the samples: one higher from sample to sample, the same after a new start."""
+        """Give the number of a sample, which is the same after a new start."""
         return tick // self.step
 
     def stamp_ns(self, tick: int, origin_ns: int) -> int:
@@ -52,7 +53,7 @@ class DomainClock:
         """Yield the parts of the ticks of consecutive samples in which none is missing."""
         edges = np.flatnonzero(np.diff(ticks) != self.step) + 1
         bounds = [0, *edges.tolist(), ticks.size]
-        for first, end in zip(bounds, bounds[1:], strict=False):
+        for first, end in pairwise(bounds):
             yield slice(first, end)
 
 

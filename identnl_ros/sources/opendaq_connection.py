@@ -73,7 +73,7 @@ class Connection:
             self.device = self._made()
             self._stream()
         except RuntimeError as error:
-            raise _as_ours(error, address) from None
+            raise _as_ours(error) from None
         self.signals = self._named_signals()
 
     @property
@@ -101,16 +101,14 @@ class Connection:
         found = [(one, name) for one in holders for name in _RATES if one.has_property(name)]
         if not found:
             raise DataError(
-                f'{self.address} has no property {" or ".join(_RATES)} by which to set '
+                f'it has no property {" or ".join(_RATES)} by which to set '
                 f'{rate:g} Hz; set it with the tools of the device and leave sample_rate at 0'
             )
         try:
             for holder, name in found:
                 holder.set_property_value(name, type(holder.get_property_value(name))(rate))
         except RuntimeError as error:
-            raise DataError(
-                f'{self.address} refuses the sample rate {rate:g} Hz: {error}'
-            ) from None
+            raise DataError(f'it refuses the sample rate {rate:g} Hz: {error}') from None
 
     def _made(self) -> Any:
         kind = self.address.partition('://')[0]
@@ -159,7 +157,7 @@ class Connection:
                         signal.active_streaming_source = streaming.connection_string
                 return
         raise DataError(
-            f'{self.address} sends no samples by {" or ".join(_STREAMINGS)}; it offers '
+            f'it sends no samples by {" or ".join(_STREAMINGS)}; it offers '
             f'{", ".join(sorted(offered)) or "nothing"}'
         )
 
@@ -174,9 +172,9 @@ class Connection:
         }
 
 
-def _as_ours(error: RuntimeError, address: str) -> DataError:
+def _as_ours(error: RuntimeError) -> DataError:
     """Tell a device that does not answer from an address that can never be right."""
     words = str(error).strip().splitlines()[0] if str(error).strip() else 'no reason given'
     if 'connect' in words.lower() or 'timeout' in words.lower():
-        return DeviceLost(f'{address} does not answer: {words}')
-    return DataError(f'{address} cannot be used: {words}')
+        return DeviceLost(f'does not answer: {words}')
+    return DataError(f'cannot be used: {words}')

@@ -62,7 +62,7 @@ class OpenDaqDevice:
     def sample_rate(self) -> float:
         """Rate of its clock [Hz]."""
         if self._clock is None:
-            raise DataError(f'{self._address}: its sample rate is not known before it is open')
+            raise DataError('its sample rate is not known before it is open')
         return self._clock.sample_rate
 
     def open(self) -> tuple[DeviceChannel, ...]:
@@ -76,7 +76,7 @@ class OpenDaqDevice:
             clock = self._common_clock(signals)
             if self._wanted_rate > 0 and abs(clock.sample_rate / self._wanted_rate - 1) > 1e-9:
                 raise DataError(
-                    f'{self._address} samples at {clock.sample_rate:g} Hz although '
+                    f'it samples at {clock.sample_rate:g} Hz although '
                     f'{self._wanted_rate:g} Hz was set; give a rate that it has'
                 )
             if clock != self._clock:
@@ -92,12 +92,12 @@ class OpenDaqDevice:
         end = time.monotonic() + timeout
         while not self._ready:
             if self._reader is None or self._connection is None:
-                raise DeviceLost(f'{self._address} is not open')
+                raise DeviceLost('it is not open')
             self._fetch()
             if self._ready:
                 break
             if self._connection.is_lost:
-                raise DeviceLost(f'{self._address}: the connection is down')
+                raise DeviceLost('the connection is down')
             if time.monotonic() >= end:
                 return None
             time.sleep(_PAUSE)
@@ -123,7 +123,7 @@ class OpenDaqDevice:
             return
         samples, ticks = np.atleast_2d(samples, ticks)  # of one signal it gives no rows
         if (ticks != ticks[0]).any():
-            raise DeviceLost(f'{self._address}: its channels are out of step; connect again')
+            raise DeviceLost('its channels are out of step; connect again')
         ticks = ticks[0]
         if self._origin_ns is None:
             first = clock.stamp_ns(int(ticks[-1]) + clock.step, 0)
@@ -144,8 +144,7 @@ class OpenDaqDevice:
         if not self._has_begun and status.read_status == self._sdk.ReadStatus.Event:
             return
         raise DeviceLost(
-            f'{self._address}: the sample rate, a unit or the scaling of a channel was changed; '
-            'connect again'
+            'its sample rate, a unit or the scaling of a channel was changed; connect again'
         )
 
     def _chosen(self, signals: dict[str, Any]) -> dict[str, Any]:
@@ -153,7 +152,7 @@ class OpenDaqDevice:
         chosen = {name: signals[name] for name in self._wanted or signals if name in signals}
         if not chosen:
             raise DataError(
-                f'{self._address} has no channel {" or ".join(self._wanted) or "at all"}; '
+                f'it has no channel {" or ".join(self._wanted) or "at all"}; '
                 f'with a time base it has {", ".join(signals) or "none"}'
             )
         return chosen
@@ -161,7 +160,7 @@ class OpenDaqDevice:
     def _common_clock(self, signals: dict[str, Any]) -> DomainClock:
         of_clock: dict[DomainClock, list[str]] = {}
         for name, signal in signals.items():
-            where = f'{self._address}: channel {name}'
+            where = f'channel {name}'
             if signal.descriptor is None:
                 raise DeviceLost(f'{where} has no description yet')
             of_clock.setdefault(clock_of(signal, where), []).append(name)
@@ -171,7 +170,7 @@ class OpenDaqDevice:
                 for clock, names in of_clock.items()
             )
             raise DataError(
-                f'{self._address} has channels of different sample rates or clocks ({groups}); '
+                f'it has channels of different sample rates or clocks ({groups}); '
                 'name those of one of them in channels'
             )
         return next(iter(of_clock))
@@ -187,7 +186,7 @@ class OpenDaqDevice:
         try:
             return builder.build()
         except RuntimeError as error:
-            raise DataError(f'{self._address}: its channels cannot be read: {error}') from None
+            raise DataError(f'its channels cannot be read: {error}') from None
 
 
 class OpenDaqDevices:

@@ -65,7 +65,7 @@ class OpenDaqProcess:
             pytest.fail(words)
 
     def address(self, protocol: str) -> str:
-        """Connection string."""
+        """Give the connection string."""
         return f'{protocol}://127.0.0.1:{self.port}'
 
     def command(self, words: str) -> None:
@@ -75,9 +75,7 @@ class OpenDaqProcess:
 
     def again(self, begin: int, origin: str = '1970-01-01T00:00:00Z') -> 'OpenDaqProcess':
         """Start another one on the same port."""
-        return OpenDaqProcess(
-            self._table, self._channels, self._rate, begin, origin, self.port
-        )
+        return OpenDaqProcess(self._table, self._channels, self._rate, begin, origin, self.port)
 
     def kill(self) -> None:
         """End the process; its connections break."""

@@ -12,6 +12,7 @@ Lines on standard input change what is sent, see `Sender.command`.
 """
 
 import argparse
+import contextlib
 import ctypes
 import fcntl
 import json
@@ -50,10 +51,8 @@ def pass_on(listener: socket.socket) -> None:
         except OSError:
             pass
         for one in (source, sink):
-            try:
+            with contextlib.suppress(OSError):
                 one.shutdown(socket.SHUT_RDWR)
-            except OSError:
-                pass
 
     while True:
         outer, _ = listener.accept()

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples of one device, or of several with clocks of their own, as blocks of one stream."""
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Protocol, TYPE_CHECKING
 
-from identnl_ros.core.measurement.blocks import samples_per_block
+from identnl_ros.core.measurement.blocks import ChannelStatus, samples_per_block
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.sources.block_cutter import BlockCutter
@@ -15,12 +15,18 @@ from identnl_ros.sources.device_reader import DeviceReader
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from identnl_ros.core.synchronisation.stream_alignment import AlignedSamples
+
 Piece = tuple[int, int, Readings]
 """Running index and stamp [ns] of the first sample, and all channels of the layout."""
 
 
 class Merging(Protocol):
     """Makes what travels of what the devices deliver."""
+
+    layout: Layout
+    """With the noise that the samples given out have."""
 
     def add(self, device: int, block: DeviceBlock) -> Iterator[Piece]:
         """Take samples of a device; yield what is complete."""
@@ -44,10 +50,12 @@ class OneDevice:
     reader : DeviceReader
     sensors : SensorsOfDevice
         All of the layout.
+    layout : Layout
 
     """
 
-    def __init__(self, reader: DeviceReader, sensors: SensorsOfDevice) -> None:
+    def __init__(self, reader: DeviceReader, sensors: SensorsOfDevice, layout: Layout) -> None:
+        self.layout = layout
         self._rate = reader.sample_rate
         self._sensors = sensors
         self._cutter = BlockCutter(samples_per_block(self._rate), self._rate)
@@ -98,10 +106,8 @@ class SeveralDevices:
         model: Model | None,
         tell: Callable[[str], None],
     ) -> None:
-        from identnl_ros.core.synchronisation.stream_alignment import (
-            StreamAlignment,
-            StreamSource,
-        )
+        from identnl_ros.core.synchronisation.stream_alignment import StreamAlignment
+        from identnl_ros.core.synchronisation.stream_source import StreamSource
 
         streams = [
             StreamSource(
@@ -112,6 +118,7 @@ class SeveralDevices:
             for reader, own in zip(readers, sensors, strict=True)
         ]
         self._alignment = StreamAlignment(layout, streams, sample_rate, model)
+        self.layout = self._alignment.layout
         self._sensors = sensors
         self._rates = [reader.sample_rate for reader in readers]
         self._tell = tell
@@ -134,8 +141,7 @@ class SeveralDevices:
         """Yield what is left."""
         for device, cutter in enumerate(self._before):
             self._align(device, cutter.flush())
-        self._alignment.end()
-        yield from self._aligned()
+        yield from self._cut(map(_as_block, self._alignment.end()))
         for block in self._after.flush():
             yield self._piece(block)
 
@@ -150,11 +156,21 @@ class SeveralDevices:
     def _aligned(self) -> Iterator[Piece]:
         for remark in self._alignment.remarks():
             self._tell(remark)
-        for one in self._alignment.take():
-            for block in self._after.add(DeviceBlock(one.first_index, one.stamp_ns, one.samples)):
+        yield from self._cut(map(_as_block, self._alignment.take()))
+
+    def _cut(self, aligned: Iterable[DeviceBlock]) -> Iterator[Piece]:
+        for samples in aligned:
+            for block in self._after.add(samples):
                 yield self._piece(block)
 
     def _piece(self, block: DeviceBlock) -> Piece:
         status: NDArray[np.uint8] = self._status
         self._status = np.zeros_like(status)
+        # Also where a device is away while the others go on.
+        without = np.isnan(block.samples).any(axis=0) & (status == ChannelStatus.OK)
+        status[without] = ChannelStatus.MISSING_SAMPLES
         return block.first_index, block.stamp_ns, Readings(block.samples, status)
+
+
+def _as_block(aligned: 'AlignedSamples') -> DeviceBlock:
+    return DeviceBlock(aligned.first_index, aligned.stamp_ns, aligned.samples)

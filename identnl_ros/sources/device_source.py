@@ -89,7 +89,7 @@ class DeviceSource:
             stand=layout.stand,
             stream_id=secrets.randbits(64),
             sample_rate=rate,
-            layout=layout,
+            layout=self._merging.layout,
             machine_text=machine_text,
             layout_text=layout_text,
             stamp_ns=time.time_ns(),
@@ -190,7 +190,7 @@ class DeviceSource:
                 f'sample_rate is {sample_rate:g} Hz, but device {self._readers[0].name} samples '
                 f'at {rates[0]:g} Hz; leave sample_rate out, or set the device'
             )
-        return rates[0], OneDevice(self._readers[0], sensors[used[0]])
+        return rates[0], OneDevice(self._readers[0], sensors[used[0]], layout)
 
 
 def _with_different_names(devices: Sequence[Device]) -> Sequence[Device]:

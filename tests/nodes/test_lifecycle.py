@@ -70,7 +70,7 @@ def test_failed_configuration_is_told_in_a_sentence(start, watcher, tmp_path):
     [
         ('recorder', {}, 'parameter path is empty'),
         ('sensor_bridge', {}, 'parameter machine_file is empty'),
-        ('sensor_bridge', {'source': 'radio'}, 'expected one of: simulated, bag'),
+        ('sensor_bridge', {'source': 'radio'}, 'source "radio" is not installed'),
         ('sensor_bridge', {'source': 'bag', 'bag': 'nowhere'}, 'nowhere'),
         ('identifier', {'estimator': 'magic'}, 'expected one of: weak, pointwise'),
         ('transform', {'machine_file': 'nowhere.yaml'}, 'nowhere.yaml'),

@@ -70,11 +70,14 @@ def test_manifest_names_maintainer_and_license(manifest):
 
 
 @pytest.mark.parametrize('entry', ENTRY_POINTS, ids=lambda entry: entry.name)
-def test_entry_point_leads_to_a_function(entry):
+def test_entry_point_leads_to_something(entry):
     path = ROOT.joinpath(*entry.module.split('.')).with_suffix('.py')
     assert path.exists()
     top_level = ast.parse(path.read_text(encoding='utf-8')).body
     names = {getattr(node, 'name', None) for node in top_level}
+    for node in top_level:
+        if isinstance(node, ast.Assign):
+            names |= {getattr(target, 'id', None) for target in node.targets}
     assert entry.attr in names
 
 

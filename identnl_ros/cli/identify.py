@@ -11,7 +11,7 @@ from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome
 from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus
 
 if TYPE_CHECKING:
-    from identnl_ros.sources.offline import Losses
+    pass
 
 
 @click.command('identify')
@@ -72,7 +72,7 @@ def command(
     result = identify_bags(bags, machine, estimator, unknowns, without)
     truth = _truth(open_bag(bags[0]).metadata('identnl.truth'))
     estimate = within_physical_bounds(result.estimate) if bounded else result.estimate
-    remarks = _remarks(result.losses)
+    remarks = result.losses.remarks()
     for remark in remarks:
         say(f'warning: {remark}')
     document = {
@@ -90,27 +90,6 @@ def _exit_code(estimate: Estimate) -> int:
     determined = any(one.value == one.value for one in estimate.parameters)
     doubted = any(one.status is EstimateStatus.MODEL_IN_DOUBT for one in estimate.parameters)
     return DONE if determined and not doubted else NEGATIVE
-
-
-def _remarks(losses: 'Losses') -> list[str]:
-    remarks = [
-        *losses.problems,
-        *(
-            f'{name}: {sum(causes.values())} samples left out ({_counted(causes)})'
-            for name, causes in losses.readings.items()
-        ),
-        *losses.findings,
-        *losses.degradation,
-    ]
-    if losses.samples:
-        remarks.append(f'{losses.samples} samples are missing between the blocks')
-    if losses.blocks:
-        remarks.append(f'{losses.blocks} blocks were repeated, late or foreign')
-    return remarks
-
-
-def _counted(causes: dict[str, int]) -> str:
-    return ', '.join(f'{count} {cause}' for cause, count in causes.items())
 
 
 def _truth(metadata: dict[str, str] | None) -> dict[str, float]:

@@ -211,7 +211,7 @@ class IdentifierNode(ConsumerNode):
         if message.channel_count != len(description.layout.sensors):
             return
         with suppress(DataError):  # the transform tells it; here it is a gap
-            self._diagnosis.readings.add(block_from_message(message))
+            self._diagnosis.take(block_from_message(message), description)
 
     def _begin_diagnosis(self, _request: Trigger.Request) -> str:
         if not self.is_active:

@@ -8,8 +8,10 @@ import time
 
 from identnl_msgs.msg import DiscrepancyReport
 from identnl_ros.core.errors import DataError, IdentnlError
+from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.core.measurement.newest_run import NewestRun
 from identnl_ros.core.mechanics.machine import Machine
+from identnl_ros.core.quality.monitor import QualityMonitor
 from identnl_ros.nodes.diagnosis import Health, Level
 from identnl_ros.nodes.diagnosis_process import DiagnosisProcess
 from identnl_ros.nodes.discrepancy_conversion import report_to_message
@@ -40,6 +42,7 @@ class LiveDiagnosis:
 
     def __init__(self) -> None:
         self.readings = NewestRun(LONGEST + LONGEST_HELD_OUT)
+        self._monitor: tuple[StandDescription, QualityMonitor] | None = None
         self._running: _Running | None = None
         self._report: DiscrepancyReport | None = None
         self._last_attempt = 'none yet'
@@ -55,6 +58,28 @@ class LiveDiagnosis:
     def has_news(self) -> bool:
         """Samples have come since the last diagnosis began."""
         return (self.readings.stream_id, self.readings.next_index) != self._seen
+
+    def take(self, block: SampleBlock, description: StandDescription) -> None:
+        """
+        Keep the samples of a block that are not at fault.
+
+        Parameters
+        ----------
+        block : SampleBlock
+        description : StandDescription
+            Of its stream.
+
+        Raises
+        ------
+        DataError
+            If the block does not have the channels or the sample rate described.
+
+        """
+        if self._monitor is None or self._monitor[0] is not description:
+            monitor = QualityMonitor(description.layout, description.sample_rate)
+            self._monitor = description, monitor
+        for cleaned in self._monitor[1].add(block):
+            self.readings.add(cleaned)
 
     def begin(
         self,

@@ -2,13 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Uninterrupted runs of the streams of a bag, as long as memory allows."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
+from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.measurement.short_gaps import LONGEST_GAP
+from identnl_ros.core.quality.monitor import monitored, QualityMonitor
 from identnl_ros.storage.bag_reader import Bag
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
@@ -36,7 +38,10 @@ class BagRuns:
     stream: StandDescription
     left_out: int = 0
     """Samples in runs that are too short, or without a force; complete after `runs` has ended."""
-    follower: StreamFollower = field(default_factory=StreamFollower)
+
+    def __post_init__(self) -> None:
+        """Prepare to judge the samples."""
+        self.monitor = QualityMonitor(self.stream.layout, self.stream.sample_rate)
 
     def runs(self) -> Iterator[MeasuredRecord]:
         """
@@ -45,10 +50,11 @@ class BagRuns:
         Yields
         ------
         MeasuredRecord
-            The force is known all along, but for gaps that can be bridged.
+            Without the samples that are at fault. The force is known all along, but for gaps
+            that can be bridged.
 
         """
-        for samples, first_index in self._uninterrupted():
+        for samples, first_index in self._uninterrupted(monitored(self._blocks(), self.monitor)):
             used = runs_with_force(
                 self.stream.layout, self.stream.sample_rate, samples, first_index
             )
@@ -57,14 +63,14 @@ class BagRuns:
 
     def runs_of_any(self) -> Iterator[MeasuredRecord]:
         """
-        Yield every run, whether the force is known or not.
+        Yield every run as it was recorded, whether the force is known or not.
 
         Yields
         ------
         MeasuredRecord
 
         """
-        for samples, first_index in self._uninterrupted():
+        for samples, first_index in self._uninterrupted(self._blocks()):
             if len(samples) >= SHORTEST_RUN:
                 yield MeasuredRecord(
                     self.stream.layout, self.stream.sample_rate, samples, first_index
@@ -72,12 +78,19 @@ class BagRuns:
             else:
                 self.left_out += len(samples)
 
-    def _uninterrupted(self) -> Iterator[tuple[NDArray[np.float64], int]]:
+    def _blocks(self) -> Iterator[SampleBlock]:
+        return self.bag.blocks(self.stream.stream_id)
+
+    @staticmethod
+    def _uninterrupted(
+        blocks: Iterable[SampleBlock],
+    ) -> Iterator[tuple[NDArray[np.float64], int]]:
         """Yield the samples between gaps, and the index of the first one."""
+        follower = StreamFollower()
         parts: list[NDArray[np.float64]] = []
         first_index = count = 0
-        for block in self.bag.blocks(self.stream.stream_id):
-            arrival = self.follower.accept(
+        for block in blocks:
+            arrival = follower.accept(
                 block.stream_id, block.first_index, block.next_index, block.last
             )
             if not arrival.usable:

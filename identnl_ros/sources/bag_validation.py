@@ -12,6 +12,7 @@ from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.validation.agreement import Agreement, StreamComparison
 from identnl_ros.core.validation.validation import Traces, Validation
 from identnl_ros.sources.bag_runs import BagRuns, SHORTEST_RUN
+from identnl_ros.sources.losses import Losses
 from identnl_ros.sources.offline import machine_of_bag
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.result_file import IdentifiedParameters, listed, load_result
@@ -83,6 +84,7 @@ def validate_bag(
     model, covariance = with_result(assemble(machine), result, parameters)
     notes = _notes_on(result, model, covariance)
     comparisons: list[StreamComparison] = []
+    losses = Losses(problems=list(bag.problems))
     traces, ids, problems = [], [], []
     for stream in bag.streams:
         runs = BagRuns(bag, stream)
@@ -91,6 +93,7 @@ def validate_bag(
             problems.append(_left_out(stream, 'no uninterrupted run is long enough'))
             continue
         comparisons.append(validation.comparison())
+        losses.add(runs.monitor.summary())
         traces.append(validation.traces)
         ids.append(stream.stream_id)
         if runs.left_out:
@@ -98,8 +101,6 @@ def validate_bag(
                 f'{runs.left_out} samples of stream {stream.stream_id} were left out: runs '
                 f'shorter than {SHORTEST_RUN} samples, or without force'
             )
-        if runs.follower.lost_samples:
-            problems.append(f'{runs.follower.lost_samples} samples are missing between the blocks')
     if not comparisons:
         raise DataError(
             f'{path}: no uninterrupted run of {SHORTEST_RUN} samples with a measured force in it; '
@@ -114,7 +115,7 @@ def validate_bag(
         tuple(ids),
         tuple(traces),
         (*notes, *_notes_on_band(agreement)),
-        (*bag.problems, *problems),
+        (*losses.remarks(), *problems),
     )
 
 

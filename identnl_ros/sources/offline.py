@@ -4,7 +4,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,9 +22,9 @@ from identnl_ros.core.measurement.transform import channels_of
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.quality.condition import Condition, EXCLUDING
-from identnl_ros.core.quality.monitor import monitored, QualityMonitor, QualitySummary
+from identnl_ros.core.quality.monitor import monitored, QualityMonitor
 from identnl_ros.core.quality.monitored_transform import MonitoredTransform
+from identnl_ros.sources.losses import Losses
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine
 import numpy as np
@@ -32,61 +32,6 @@ from numpy.typing import NDArray
 
 # Shorter runs between gaps hardly say more than their own initial state.
 SHORTEST_RUN = 512
-
-
-@dataclass
-class Losses:
-    """
-    What of the bags could not be used.
-
-    Parameters
-    ----------
-    samples : int
-        Missing between the blocks, by their running index.
-    blocks : int
-        Repeated, late or from another source.
-    readings : dict of str to dict of str to int
-        Samples left out, by channel and cause.
-    findings : list of str
-        What else is wrong with channels, in sentences.
-    degradation : list of str
-        What sensors that were lost or ignored have cost, in sentences.
-    problems : list of str
-        Damage found in the bags, in sentences.
-
-    """
-
-    samples: int = 0
-    blocks: int = 0
-    readings: dict[str, dict[str, int]] = field(default_factory=dict)
-    findings: list[str] = field(default_factory=list)
-    degradation: list[str] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
-
-    def add(self, summary: QualitySummary, without: Collection[str]) -> None:
-        """
-        Count what of a stream has been left out.
-
-        Parameters
-        ----------
-        summary : QualitySummary
-        without : collection of str
-            Sensors that are not used, of which nothing is said.
-
-        """
-        self.samples += summary.lost_samples
-        self.blocks += summary.repeated_blocks + summary.foreign_blocks
-        for channel in summary.channels:
-            if channel.name in without:
-                continue
-            for cause, count in channel.causes.items():
-                counts = self.readings.setdefault(channel.name, {})
-                counts[cause.in_words] = counts.get(cause.in_words, 0) + count
-        self.findings += [
-            one.sentence
-            for one in summary.findings
-            if not one.condition & (EXCLUDING | Condition.GAP) and one.channel not in without
-        ]
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,15 @@ from identnl_ros.core.measurement.transform import MotionTransform
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.equilibrium import static_equilibrium
 from identnl_ros.core.mechanics.machine import Machine
+from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.mechanics.modes import modes
+from identnl_ros.core.quality.condition import Condition, EXCLUDING, Finding
+from identnl_ros.core.quality.monitor import monitored, QualityMonitor, QualitySummary
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.layout_file import load_layout
 from identnl_ros.storage.machine_file import load_machine, read_machine
+from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
-from numpy.typing import NDArray
 
 HARMLESS_SHARE = 0.01  # samples without reading, of all
 
@@ -150,28 +153,38 @@ def check_bag(path: Path, machine_path: Path | None) -> Findings:
         findings.facts = {'topics': bag.topics, 'streams': []}
         for stream in bag.streams:
             facts = _layout_facts(stream.layout)
-            samples, lost, missing = _count(bag.blocks(stream.stream_id))
+            machine = None
+            if machine_path is not None:
+                machine = load_machine(machine_path).machine
+            elif stream.machine_text:
+                machine = read_machine(stream.machine_text, f'machine file in {path}')
+            model = None if machine is None else assemble(machine)
+            summary = _judged(bag.blocks(stream.stream_id), stream, model)
+            samples, lost = summary.samples, summary.lost_samples
             facts |= {
                 'stream_id': stream.stream_id,
                 'sample_rate': stream.sample_rate,
                 'samples': samples,
                 'duration': samples / stream.sample_rate,
+                'left_out': {
+                    channel.name: {cause.in_words: n for cause, n in channel.causes.items()}
+                    for channel in summary.channels
+                    if channel.causes
+                },
+                'faults': [_fault(one) for one in summary.findings],
             }
             findings.facts['streams'].append(facts)
             if lost:
                 _lacking(findings, lost, samples + lost).append(
                     f'{lost} of {samples + lost} samples are missing between the blocks'
                 )
-            for sensor, count in zip(stream.layout.sensors, missing, strict=False):
-                if count:
-                    _lacking(findings, int(count), samples).append(
-                        f'{sensor.name}: {count} of {samples} samples have no valid reading'
-                    )
-            machine = None
-            if machine_path is not None:
-                machine = load_machine(machine_path).machine
-            elif stream.machine_text:
-                machine = read_machine(stream.machine_text, f'machine file in {path}')
+            shares = {channel.name: channel.excluded for channel in summary.channels}
+            for fault in summary.findings:
+                if fault.condition & Condition.GAP:
+                    continue
+                harmful = not fault.condition & EXCLUDING
+                left_out = samples if harmful else shares.get(fault.channel, samples)
+                _lacking(findings, left_out, samples).append(fault.sentence)
             if machine is not None:
                 facts |= _fit(machine, stream.layout, stream.sample_rate)
         findings.problems.extend(bag.problems)
@@ -185,19 +198,25 @@ def _lacking(findings: Findings, count: int, total: int) -> list[str]:
     return findings.problems if count >= HARMLESS_SHARE * total else findings.remarks
 
 
-def _count(blocks: Iterator[SampleBlock]) -> tuple[int, int, NDArray[np.int64]]:
-    """Count samples, samples missing between blocks, samples without reading by channel."""
-    samples = lost = next_index = 0
-    missing = np.zeros(0, dtype=int)
-    for block in blocks:
-        if not samples:
-            next_index = block.first_index
-            missing = np.zeros(block.samples.shape[1], dtype=int)
-        lost += max(0, block.first_index - next_index)
-        next_index = max(next_index, block.next_index)
-        samples += block.samples.shape[0]
-        missing += (~np.isfinite(block.samples)).sum(axis=0)
-    return samples, lost, missing
+def _judged(
+    blocks: Iterator[SampleBlock], stream: StandDescription, model: Model | None
+) -> QualitySummary:
+    monitor = QualityMonitor(stream.layout, stream.sample_rate, model)
+    for _ in monitored(blocks, monitor):
+        pass
+    return monitor.summary()
+
+
+def _fault(finding: Finding) -> dict[str, Any]:
+    return {
+        'channel': finding.channel,
+        'condition': finding.condition.in_words,
+        'first_index': finding.first_index,
+        'next_index': finding.next_index,
+        'amount': finding.amount if np.isfinite(finding.amount) else None,
+        'unit': finding.unit,
+        'sentence': finding.sentence,
+    }
 
 
 def _shared_columns(layout: Layout) -> list[str]:

@@ -76,6 +76,8 @@ class QualitySummary:
 
     Parameters
     ----------
+    samples : int
+        Judged.
     channels : tuple of ChannelQuality
         In the order of the layout.
     lost_samples, repeated_blocks, foreign_blocks : int
@@ -85,6 +87,7 @@ class QualitySummary:
 
     """
 
+    samples: int
     channels: tuple[ChannelQuality, ...]
     lost_samples: int
     repeated_blocks: int
@@ -223,6 +226,7 @@ class QualityMonitor:
 
         """
         return QualitySummary(
+            samples=self._samples,
             channels=tuple(
                 ChannelQuality(
                     sensor.name,

@@ -1,0 +1,93 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What of the bags could not be used, and why."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from identnl_ros.core.quality.condition import Condition, EXCLUDING
+from identnl_ros.core.quality.monitor import QualitySummary
+
+
+@dataclass
+class Losses:
+    """
+    What of the bags could not be used.
+
+    Parameters
+    ----------
+    samples : int
+        Missing between the blocks, by their running index.
+    blocks : int
+        Repeated, late or from another source.
+    readings : dict of str to dict of str to int
+        Samples left out, by channel and cause.
+    findings : list of str
+        What else is wrong with channels, in sentences.
+    degradation : list of str
+        What sensors that were lost or ignored have cost, in sentences.
+    problems : list of str
+        Damage found in the bags, in sentences.
+
+    """
+
+    samples: int = 0
+    blocks: int = 0
+    readings: dict[str, dict[str, int]] = field(default_factory=dict)
+    findings: list[str] = field(default_factory=list)
+    degradation: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+    def add(self, summary: QualitySummary, without: Collection[str] = ()) -> None:
+        """
+        Count what of a stream has been left out.
+
+        Parameters
+        ----------
+        summary : QualitySummary
+        without : collection of str
+            Sensors that are not used, of which nothing is said.
+
+        """
+        self.samples += summary.lost_samples
+        self.blocks += summary.repeated_blocks + summary.foreign_blocks
+        for channel in summary.channels:
+            if channel.name in without:
+                continue
+            for cause, count in channel.causes.items():
+                counts = self.readings.setdefault(channel.name, {})
+                counts[cause.in_words] = counts.get(cause.in_words, 0) + count
+        self.findings += [
+            one.sentence
+            for one in summary.findings
+            if not one.condition & (EXCLUDING | Condition.GAP) and one.channel not in without
+        ]
+
+    def remarks(self) -> list[str]:
+        """
+        Tell the user what could not be used and what is wrong with the rest.
+
+        Returns
+        -------
+        list of str
+            In sentences; empty: nothing.
+
+        """
+        remarks = [
+            *self.problems,
+            *(
+                f'{name}: {sum(causes.values())} samples left out ({_counted(causes)})'
+                for name, causes in self.readings.items()
+            ),
+            *self.findings,
+            *self.degradation,
+        ]
+        if self.samples:
+            remarks.append(f'{self.samples} samples are missing between the blocks')
+        if self.blocks:
+            remarks.append(f'{self.blocks} blocks were repeated, late or foreign')
+        return remarks
+
+
+def _counted(causes: dict[str, int]) -> str:
+    return ', '.join(f'{count} {cause}' for cause, count in causes.items())

@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from identnl_msgs.msg import (
     BodyMotionBlock,
     Consumed,
+    DataQuality,
     DiscrepancyReport,
     ParameterEstimateArray,
     SampleBlock,
@@ -39,6 +40,7 @@ GRACE_NS = NANOSECONDS  # what is published later is not waited for
 TYPES = {
     'samples': SampleBlock,
     'motion': BodyMotionBlock,
+    'quality': DataQuality,
     'stand_description': StandDescription,
     'estimates': ParameterEstimateArray,
     'discrepancy': DiscrepancyReport,
@@ -67,7 +69,7 @@ class Recorder(ManagedNode):
             'topics',
             ['samples', 'stand_description', 'estimates', 'discrepancy', '/diagnostics'],
             'Topics to record, relative to the namespace of the node unless they begin with /. '
-            'Motion is left out because it follows from the samples.',
+            'Motion and quality are left out because they follow from the samples.',
         ),
         Setting('compress', False, 'Compress the bag (zstd); costs computing time.'),
     )

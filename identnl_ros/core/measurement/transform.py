@@ -169,16 +169,21 @@ class MotionTransform:
             self._map.restart()
             self._next_output = 0
         self._count_missing(samples)
+        lost = self._losses.lost
         self._losses.add(samples)
-        # What is derived instead of measured, or no longer, does not continue what came before.
-        continues = not self._map.use_without(self._losses.lost)
-        if not continues:
+        # What is derived instead of measured, or no longer, does not continue what came before;
+        # neither does motion with more noise where that must be read off the motion itself.
+        derives_other = self._map.use_without(self._losses.lost)
+        if derives_other:
             self._reach_out()
+        continues = not derives_other and not (self.noise_estimated and lost != self._losses.lost)
         if arrival is Arrival.IN_ORDER and continues:
             self._buffer = np.concatenate((self._buffer, samples))
         else:
-            self._buffer = samples.copy()
-            self._buffer_index = block.first_index
+            # At least one instant between what does not belong together.
+            skipped = int(arrival is Arrival.IN_ORDER and not self._reach)
+            self._buffer = samples[skipped:].copy()
+            self._buffer_index = block.first_index + skipped
         if arrival is not Arrival.IN_ORDER:
             self._noise_estimate.restart()
         if self.noise_estimated:

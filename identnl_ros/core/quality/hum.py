@@ -20,6 +20,8 @@ import numpy as np
 OVER_SIDE = 6.0
 # Hum smaller than this share of the motion at its frequency may be a wrong gain or direction.
 LEAST_OF_MOTION = 0.01
+# Power at the line's bin over that of its neighbours: a line within a bin of it has 0.44 or more.
+CENTRED = 0.4
 
 
 @dataclass(frozen=True)
@@ -89,9 +91,10 @@ def hum_at(
         }  # fmt: skip
         levels = {name: one.error[0] / getattr(line, name).counts[0] for name, one in mean.items()}
         floor = np.maximum(levels['beside'], mean['at'].noise[0])
-        power = np.where(fit.told & judged, levels['at'] - floor, 0.0)
+        beside = np.maximum(levels['below'], levels['above'])
+        power = np.where(fit.told & judged, np.maximum(levels['at'], beside) - floor, 0.0)
         limit = np.maximum.reduce((least, (OVER_SIDE - 1) * floor, share * mean['at'].mismatch[0]))
-        centred = levels['at'] > np.maximum(levels['below'], levels['above'])
+        centred = levels['at'] > CENTRED * beside
         shown = (power > limit) & centred
         weight = np.where(shown & remaining, power / fit.variance[0], 0.0)
         new = most_suspect(weight, groups)

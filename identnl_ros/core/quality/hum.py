@@ -51,7 +51,7 @@ def hum_at(
     judged: Flags,
     mismatch: Reals,
     least: Reals,
-) -> tuple[dict[int, Suspect], Flags]:
+) -> tuple[dict[int, Suspect], Reals]:
     """
     Find channels with hum at one line, largest first, each left out before the next.
 
@@ -72,8 +72,8 @@ def hum_at(
     -------
     dict of int to Suspect
         Channels with hum: its power in a spectrum.
-    told : ndarray of bool, shape (n_channels,)
-        Channels in which hum of the least power would be seen.
+    ndarray, shape (n_channels,)
+        Smallest power that would be seen; infinite where nothing tells.
 
     """
     motion = motion_at_sensors(redundancy, line.at)
@@ -106,4 +106,4 @@ def hum_at(
         int(i): Suspect(float(power[i]), rivals.get(int(i), ()))
         for i in np.flatnonzero(shown & ~remaining)
     }
-    return found, fit.told & judged & (limit <= 1.5 * least)
+    return found, np.where(fit.told & judged, limit, np.inf)

@@ -11,11 +11,12 @@ from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.quality.condition import Condition, Finding
 from identnl_ros.core.quality.consistency_sentences import Sentences
 from identnl_ros.core.quality.consistency_spectra import Chunk, Spectra, WINDOW
-from identnl_ros.core.quality.contradictions import BandSums, Contradictions, Gains
+from identnl_ros.core.quality.contradictions import BandSums, Contradictions, Gains, MISMATCHES
 from identnl_ros.core.quality.drift import drift_in
 from identnl_ros.core.quality.hum import hum_at, LineSums
 from identnl_ros.core.quality.leave_one_out import Flags, Reals
 from identnl_ros.core.quality.redundancy import redundancy
+from identnl_ros.core.quality.wrong_factors import Fault, RELATED, Said, wrong_factors
 import numpy as np
 from scipy.stats import norm
 
@@ -24,15 +25,7 @@ CHUNKS = 3
 # Relative error of a gain that is no fault.
 GAIN_TOLERANCE = 0.03
 FALSE_ALARMS_PER_HOUR = 0.01
-MISMATCHES = 4.0
 OWN_MISMATCHES = 3.0
-# Below it a factor does not describe what differs; it may be noise, or change within the stretch.
-LEAST_COHERENCE = 0.7
-INVERTED_FACTORS = (-1.5, -0.67)
-# Share of the contradiction that may remain if two channels are exchanged.
-EXCHANGED = 0.1
-# A channel is right if its factor is known at least so well and no fault is seen.
-HEALTHY = 0.3
 # Smallest amplitude of hum, and drift in half a minute and in half an hour, over the noise of a
 # sample.
 HUM_SIZE = 0.5
@@ -44,10 +37,6 @@ LEAST_MEANS = 24
 MEANS_PER_MEAN = 60
 # A finding goes when so many evaluations in a row find the channel right.
 EVALUATIONS_TO_CLEAR = 3
-
-# A fault of a channel: the channel and what it is.
-_Fault = tuple[int, Condition]
-_RELATED = (Condition.INVERTED, Condition.SWAPPED, Condition.GAIN)
 
 
 class Consistency:
@@ -106,8 +95,8 @@ class Consistency:
         self._long_means: deque[Reals] = deque(maxlen=MEANS)
         self._gathered: list[Reals] = []
         self._hums: deque[dict[int, dict[float, tuple[float, set[int]]]]] = deque(maxlen=CHUNKS)
-        self._standing: dict[_Fault, Finding] = {}
-        self._right: dict[_Fault, int] = {}
+        self._standing: dict[Fault, Finding] = {}
+        self._right: dict[Fault, int] = {}
         self._gains: Gains | None = None
 
     def add(self, first_index: int, samples: Reals) -> None:
@@ -181,7 +170,9 @@ class Consistency:
         every = self._sums(np.asarray(products), np.asarray(power), segments, noise, valid)
         search = Contradictions(self._redundancy, _part(every, slice(0, bands)), self._tolerance)
         self._gains = search.gains()
-        shown, right = self._wrong_factors(search)
+        shown, right = wrong_factors(
+            search, self._redundancy.kinds, self._sentences, self._significant, self._tolerance
+        )
         good = search.used.copy()
         named = {channel for channel, _ in shown}
         good |= valid & np.isin(np.arange(len(good)), list(set(search.left_out) - named))
@@ -209,86 +200,15 @@ class Consistency:
             valid,
         )
 
-    def _wrong_factors(
-        self, search: Contradictions
-    ) -> tuple[dict[_Fault, tuple[float, str, str]], set[_Fault]]:
-        gains = search.gains()
-        shown: dict[_Fault, tuple[float, str, str]] = {}
-        limit = np.sqrt(
-            (self._significant * gains.standard_deviation) ** 2
-            + (MISMATCHES * gains.uncertainty) ** 2
-        )
-        pairs = self._exchanged(search)
-        for one, other in pairs.items():
-            both = all(self._inverted(gains, limit, channel) for channel in (one, other))
-            shown[one, Condition.SWAPPED] = (
-                float('nan'), '', self._sentences.swapped(one, other, both),
-            )  # fmt: skip
-        for channel in search.left_out:
-            if channel in pairs or not gains.coherence[channel] > LEAST_COHERENCE:
-                continue
-            spread = float(np.hypot(gains.standard_deviation, gains.uncertainty)[channel])
-            value = float(gains.value[channel])
-            if self._inverted(gains, limit, channel):
-                condition = Condition.INVERTED
-            elif (
-                gains.low[channel] - limit[channel] > 1 + self._tolerance
-                or gains.high[channel] + limit[channel] < 1 - self._tolerance
-            ):
-                condition = Condition.GAIN
-            else:
-                continue
-            rivals = search.rivals(channel)
-            for suspect in (channel, *rivals):
-                alike = [one for one in (channel, *rivals) if one != suspect]
-                factor = value if suspect == channel or not value else 1 / value
-                sentence = self._sentences.factor(
-                    suspect, condition, factor, spread * abs(factor / value), alike
-                )
-                shown[suspect, condition] = (factor, '1', sentence)
-        wrong = {channel for channel, _ in shown}
-        right = {
-            (channel, condition)
-            for channel in np.flatnonzero(search.used & (limit < HEALTHY))
-            for condition in _RELATED
-            if int(channel) not in wrong
-        }
-        return shown, {(int(channel), condition) for channel, condition in right}
-
-    def _inverted(self, gains: Gains, limit: Reals, channel: int) -> bool:
-        return bool(
-            gains.coherence[channel] > LEAST_COHERENCE
-            and gains.high[channel] + limit[channel] < 0
-            and INVERTED_FACTORS[0] < gains.value[channel] < INVERTED_FACTORS[1]
-        )
-
-    def _exchanged(self, search: Contradictions) -> dict[int, int]:
-        """Pair channels of a kind that explain each other."""
-        kinds, found = self._redundancy.kinds, search.comparison
-        wrong = search.sums.valid & (search.excess(found) > search.limit(found))
-        result: dict[int, int] = {}
-        for one in search.left_out:
-            others = np.flatnonzero((kinds == kinds[one]) & wrong)
-            remaining = {
-                int(other): search.exchange(one, int(other))
-                for other in others
-                if other != one and int(other) not in result
-            }
-            if one not in result and remaining:
-                best = min(remaining, key=lambda other: remaining[other])
-                if remaining[best] < EXCHANGED:
-                    result[one], result[best] = best, one
-        return result
-
     def _hum(
         self, used: Flags, judged: Flags, mismatch: Reals, noise: Reals,
-        shown: dict[_Fault, tuple[float, str, str]], right: set[_Fault],
+        shown: dict[Fault, Said], right: set[Fault],
     ) -> None:  # fmt: skip
         """Look for hum in the newest chunk; it counts if the chunks before had it too."""
         chunk = self._chunks[-1]
         every = self._sums(chunk.products, chunk.power, len(chunk.means), noise, chunk.valid)
         lines: dict[int, dict[float, tuple[float, set[int]]]] = {}
-        told = np.ones(len(used), dtype=np.bool_)
+        limits = np.zeros(len(used))
         for i, frequency in enumerate(self._spectra.lines):
             begin = len(self._spectra.bands) + 4 * i
             line = LineSums(
@@ -297,12 +217,12 @@ class Consistency:
             # Spectrum of a sine of amplitude 1.
             scale = self._spectra.omega[begin] ** self._redundancy.orders
             scale = scale * WINDOW[2] * self._spectra.length / 2
-            found, clear = hum_at(
+            found, limit = hum_at(
                 self._redundancy, line, used, judged, mismatch, (HUM_SIZE * noise * scale) ** 2
             )
-            told &= clear
+            limits = np.maximum(limits, np.sqrt(limit) / scale)
             for channel, one in found.items():
-                told[[channel, *one.rivals]] = False
+                limits[[channel, *one.rivals]] = np.inf
                 for suspect in (channel, *one.rivals):
                     amplitude = float(np.sqrt(one.size) / scale[suspect])
                     others = {channel, *one.rivals} - {suspect}
@@ -322,44 +242,52 @@ class Consistency:
                         self._layout.sensors[channel].kind.unit,
                         self._sentences.hum(channel, lasting, sorted(rivals)),
                     )
-        right.update((int(channel), Condition.HUM) for channel in np.flatnonzero(told))
+        right.update(self._absent(Condition.HUM, limits, HUM_SIZE * noise))
 
     def _drift(
         self, used: Flags, judged: Flags, noise: Reals,
-        shown: dict[_Fault, tuple[float, str, str]], right: set[_Fault],
+        shown: dict[Fault, Said], right: set[Fault],
     ) -> None:  # fmt: skip
         # Noise of a mean under the window, of segments that overlap by half.
         share = np.sqrt((WINDOW**2).sum() / self._spectra.length) / WINDOW[2]
-        clean: Flags = judged.copy()
+        limits = np.zeros(len(used))
         for means, size, averaged in (
             (self._means, DRIFT_SIZES[0], 1),
             (self._long_means, DRIFT_SIZES[1], MEANS_PER_MEAN),
         ):
             if len(means) < LEAST_MEANS:
-                clean &= averaged > 1
                 continue
-            found, told = drift_in(
+            found, limit = drift_in(
                 self._redundancy, np.array(means), used, judged, size * noise,
                 noise * share / np.sqrt(averaged),
             )  # fmt: skip
-            clean &= told
+            limits = np.maximum(limits, limit)
             hop = self._spectra.hop * averaged * len(means)
             for channel, one in found.items():
                 for suspect in (channel, *one.rivals):
-                    clean[suspect] = False
+                    limits[suspect] = np.inf
                     alike = [k for k in (channel, *one.rivals) if k != suspect]
                     sentence = self._sentences.drift(suspect, one.size, hop / self._rate, alike)
                     unit = self._layout.sensors[suspect].kind.unit
                     shown[suspect, Condition.DRIFT] = (one.size, unit, sentence)
-        right.update((int(channel), Condition.DRIFT) for channel in np.flatnonzero(clean))
+        right.update(self._absent(Condition.DRIFT, limits, DRIFT_SIZES[-1] * noise))
 
-    def _update(self, shown: dict[_Fault, tuple[float, str, str]], right: set[_Fault]) -> None:
+    def _absent(self, condition: Condition, limits: Reals, least: Reals) -> set[Fault]:
+        """Name standing faults that would be seen at half their size, or at the least."""
+        return {
+            (channel, one)
+            for (channel, one), finding in self._standing.items()
+            if one is condition
+            and limits[channel] <= max(0.5 * finding.amount, 1.5 * float(least[channel]))
+        }
+
+    def _update(self, shown: dict[Fault, Said], right: set[Fault]) -> None:
         """Let findings appear at once, and go when the channel has been right for a while."""
         first, last = self._chunks[0].first_index, self._chunks[-1].next_index
         for fault in [one for one in self._standing if one not in shown]:
             channel, condition = fault
             # Also hum and drift are not told of a channel with another sign or gain.
-            replaced = any((channel, other) in shown for other in _RELATED)
+            replaced = any((channel, other) in shown for other in RELATED)
             self._right[fault] = self._right.get(fault, 0) + 1 if fault in right else 0
             if replaced or self._right[fault] >= EVALUATIONS_TO_CLEAR:
                 del self._standing[fault], self._right[fault]

@@ -259,7 +259,8 @@ class Contradictions:
         both = found.noise
         # A channel that predicts does not predict itself: the errors' noise is its own and theirs.
         theirs = np.clip(both - own, 0.0, None)
-        moves = found.fit.told & (found.predicted > POWER_OVER_NOISE * counts * both)
+        told = found.fit.told & self.sums.valid
+        moves = told & (found.predicted > POWER_OVER_NOISE * counts * both)
         weights = np.where(moves, 1 / found.fit.variance, 0.0)
 
         def total(values: Reals) -> Reals:

@@ -15,7 +15,7 @@ LEAST_OF_MOTION = 0.05
 
 def drift_in(
     redundancy: Redundancy, means: Reals, used: Flags, judged: Flags, least: Reals, noise: Reals
-) -> tuple[dict[int, Suspect], Flags]:
+) -> tuple[dict[int, Suspect], Reals]:
     """
     Find channels whose mean walks, largest first, each left out before the next.
 
@@ -39,8 +39,8 @@ def drift_in(
     -------
     dict of int to Suspect
         Channels that drift: largest difference between the three [SI].
-    told : ndarray of bool, shape (n_channels,)
-        Channels in which drift of the least size would be seen.
+    ndarray, shape (n_channels,)
+        Smallest range that would be seen [SI]; infinite where nothing tells.
 
     """
     rows = redundancy.by_kind(redundancy.rows)
@@ -78,4 +78,4 @@ def drift_in(
         int(i): Suspect(float(ranges[i]), rivals.get(int(i), ()))
         for i in np.flatnonzero(shown & ~remaining)
     }
-    return suspects, fit.told & judged & (limit <= 1.5 * least)
+    return suspects, np.where(fit.told & judged, limit, np.inf)

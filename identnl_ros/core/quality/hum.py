@@ -20,6 +20,8 @@ import numpy as np
 OVER_SIDE = 6.0
 # Hum smaller than this share of the motion at its frequency may be a wrong gain or direction.
 LEAST_OF_MOTION = 0.01
+# Power at the line's bin over that of its neighbours: a line within a bin of it has 0.44 or more.
+CENTRED = 0.4
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def hum_at(
     judged: Flags,
     mismatch: Reals,
     least: Reals,
-) -> tuple[dict[int, Suspect], Flags]:
+) -> tuple[dict[int, Suspect], Reals]:
     """
     Find channels with hum at one line, largest first, each left out before the next.
 
@@ -70,8 +72,8 @@ def hum_at(
     -------
     dict of int to Suspect
         Channels with hum: its power in a spectrum.
-    told : ndarray of bool, shape (n_channels,)
-        Channels in which hum of the least power would be seen.
+    ndarray, shape (n_channels,)
+        Smallest power that would be seen; infinite where nothing tells.
 
     """
     motion = motion_at_sensors(redundancy, line.at)
@@ -89,9 +91,10 @@ def hum_at(
         }  # fmt: skip
         levels = {name: one.error[0] / getattr(line, name).counts[0] for name, one in mean.items()}
         floor = np.maximum(levels['beside'], mean['at'].noise[0])
-        power = np.where(fit.told & judged, levels['at'] - floor, 0.0)
+        beside = np.maximum(levels['below'], levels['above'])
+        power = np.where(fit.told & judged, np.maximum(levels['at'], beside) - floor, 0.0)
         limit = np.maximum.reduce((least, (OVER_SIDE - 1) * floor, share * mean['at'].mismatch[0]))
-        centred = levels['at'] > np.maximum(levels['below'], levels['above'])
+        centred = levels['at'] > CENTRED * beside
         shown = (power > limit) & centred
         weight = np.where(shown & remaining, power / fit.variance[0], 0.0)
         new = most_suspect(weight, groups)
@@ -103,4 +106,4 @@ def hum_at(
         int(i): Suspect(float(power[i]), rivals.get(int(i), ()))
         for i in np.flatnonzero(shown & ~remaining)
     }
-    return found, fit.told & judged & (limit <= 1.5 * least)
+    return found, np.where(fit.told & judged, limit, np.inf)

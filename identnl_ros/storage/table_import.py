@@ -12,6 +12,7 @@ import secrets
 from identnl_ros.core.errors import DataError, LayoutError
 from identnl_ros.core.measurement.blocks import (
     ChannelStatus,
+    NANOSECONDS,
     SampleBlock,
     samples_per_block,
     stamp_after,
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 TIME_TOLERANCE = 1e-6  # of the sample interval [-]
 ROWS_FOR_RATE = 1000
 LARGEST_READING = 1e100  # SI; more is no measurement, and its square would overflow
+EARLIEST_DATE = 1e8  # later times count from 1970 [s]
 
 _TIME_NAME = re.compile(r'(time|t)\s*([\[(]s[\])]|_s)?', re.IGNORECASE)
 _NO_UNITS = {'EU', '-'}  # engineering unit; else an exa-u, a mass
@@ -124,7 +126,7 @@ def import_table(
         with BagWriter(bag_path, compress=compress) as writer:
             writer.write_description(description)
             for (index, samples), last in _with_last(pieces):
-                block = _block(description, index, samples, last)
+                block = block_of(description, index, samples, last)
                 writer.write_block(block)
                 count += len(samples)
                 end = block.next_index
@@ -190,9 +192,65 @@ def read_table(
     return rate, _pieces(table, layout, columns, factors, rate, clock, progress)
 
 
-def _block(
+def start_of(table: Table, same_start: bool) -> int:
+    """
+    Find when a recording began.
+
+    Parameters
+    ----------
+    table : Table
+    same_start : bool
+        Times count from an instant that other files share.
+
+    Returns
+    -------
+    int
+        Host time of the first sample [ns].
+
+    Raises
+    ------
+    DataError
+        If the file does not tell.
+
+    """
+    found = _time_column(table)
+    first = 0.0
+    if found is not None:
+        column, unit = found
+        _, rows = next(table.rows([column], 1))
+        first = float(rows[0, 0]) * unit
+    if same_start or first >= EARLIEST_DATE:
+        return round(first * NANOSECONDS)
+    if table.start_ns is not None:
+        return table.start_ns
+    raise DataError(
+        f'{table.path}: it does not tell when it began, and times of several files may count '
+        'from different instants; give --start FILE=TIME for each, or --same-start if they count '
+        'from the same one'
+    )
+
+
+def block_of(
     description: StandDescription, index: int, samples: NDArray[np.float64], last: bool
 ) -> SampleBlock:
+    """
+    Make a block of a bag.
+
+    Parameters
+    ----------
+    description : StandDescription
+    index : int
+        Of the first sample.
+    samples : ndarray, shape (n_samples, n_channels)
+        SI; those that are beyond all measure become NaN.
+    last : bool
+        Nothing follows.
+
+    Returns
+    -------
+    SampleBlock
+
+    """
     missing, saturated = np.isnan(samples), np.abs(samples) > LARGEST_READING
     samples[saturated] = np.nan
     status = np.where(missing.any(axis=0), int(ChannelStatus.MISSING_SAMPLES), 0)

@@ -147,9 +147,8 @@ def test_stamps_alone_are_not_enough_for_damping_and_that_is_told():
 
 def alignment_error(alignment, devices):
     """Error of the time at which the second source is read at last."""
-    first, second = (one.line for one in alignment._streams)
-    point = alignment._next
-    return devices[1].time(float(second.at(point))) - devices[0].time(float(first.at(point)))
+    first, second = alignment.places
+    return devices[1].time(second) - devices[0].time(first)
 
 
 def test_silent_source_has_no_readings_until_it_is_back():

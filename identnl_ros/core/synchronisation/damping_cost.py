@@ -2,6 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a delay between acceleration and the other readings costs of the damping."""
 
+from identnl_ros.core.errors import IdentnlError
+from identnl_ros.core.mechanics.equilibrium import static_equilibrium
+from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.mechanics.modes import modes
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,12 +75,68 @@ def delay_warning(
             f'{name}: the data do not tell its delay; damping may be wrong by any amount. Add '
             'redundant sensors, or state the delay in the layout'
         )
+    change = damping_change(delay, frequencies, damping_ratios, tolerable)
+    if change is None:
+        return None
+    return (
+        f'{name}: a delay of {abs(delay) * 1e6:.3g} us may remain; it changes {change}. Measure '
+        'longer, or with more motion or less noise'
+    )
+
+
+def damping_change(
+    delay: float,
+    frequencies: NDArray[np.float64],
+    damping_ratios: NDArray[np.float64],
+    tolerable: float = TOLERABLE_COST,
+) -> str | None:
+    """
+    Say of which mode a delay changes the damping most.
+
+    Parameters
+    ----------
+    delay : float
+        [s].
+    frequencies, damping_ratios : ndarray, shape (n_modes,)
+        [Hz, -].
+    tolerable : float
+        Relative error of damping below which nothing is said [-].
+
+    Returns
+    -------
+    str or None
+        What is changed by how much; None: nothing worth a word.
+
+    """
     cost = np.abs(damping_cost(delay, frequencies, damping_ratios))
     if cost.size == 0 or cost.max() <= tolerable:
         return None
     worst = int(np.argmax(cost))
-    return (
-        f'{name}: a delay of {abs(delay) * 1e6:.3g} us may remain; it changes the damping of the '
-        f'mode at {frequencies[worst]:.4g} Hz by up to {cost[worst]:.0%}. Measure longer, or '
-        'with more motion or less noise'
-    )
+    return f'the damping of the mode at {frequencies[worst]:.4g} Hz by up to {cost[worst]:.0%}'
+
+
+def damped_modes(model: Model | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Find the modes whose damping delays can change.
+
+    Parameters
+    ----------
+    model : Model or None
+
+    Returns
+    -------
+    frequencies : ndarray, shape (n_modes,)
+        [Hz]; none where a parameter has no value or the machine no state of rest.
+    damping_ratios : ndarray, shape (n_modes,)
+        [-].
+
+    """
+    if model is None or not np.isfinite(model.values).all():
+        return np.empty(0), np.empty(0)
+    try:
+        found = modes(model, static_equilibrium(model))
+    except IdentnlError:
+        return np.empty(0), np.empty(0)
+    held = [mode for mode in found if mode.damping_ratio > 0]
+    frequencies = np.array([mode.frequency for mode in held])
+    return frequencies, np.array([mode.damping_ratio for mode in held])

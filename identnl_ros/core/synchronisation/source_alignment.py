@@ -5,19 +5,15 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from identnl_ros.core.errors import IdentnlError
 from identnl_ros.core.measurement.blocks import NANOSECONDS
 from identnl_ros.core.measurement.layout import Layout
-from identnl_ros.core.mechanics.equilibrium import static_equilibrium
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.mechanics.modes import modes
 from identnl_ros.core.synchronisation.alignment import ENOUGH, MOST_ROUNDS, SEARCH
-from identnl_ros.core.synchronisation.damping_cost import delay_warning
+from identnl_ros.core.synchronisation.damping_cost import damped_modes, delay_warning
 from identnl_ros.core.synchronisation.delay_tracking import DELAY, DelayTracker, SKEW
 from identnl_ros.core.synchronisation.motion_delay import motion_delays
 from identnl_ros.core.synchronisation.stream_source import Line, robust_mean, SourceStream
 import numpy as np
-from numpy.typing import NDArray
 
 # A delay that has become known is taken out within about so long [s].
 SLEWING = 0.5
@@ -90,7 +86,7 @@ class SourceAligner:
         self._offsets = np.zeros(len(streams))
         self._stamps: list[list[tuple[int, int]]] = [[] for _ in streams]
         self._warned = [False] * len(streams)
-        self._modes = _damped_modes(model)
+        self._modes = damped_modes(model)
 
     @property
     def _reference(self) -> SourceStream:
@@ -394,19 +390,3 @@ class SourceAligner:
         elif self._warned[number] and not text:
             self._remark(f'{name}: is aligned to {deviation * 1e6:.3g} us (standard deviation)')
         self._warned[number] = bool(text)
-
-
-def _damped_modes(model: Model | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Frequencies and damping ratios, if all values are known."""
-    held = []
-    if model is not None and np.isfinite(model.values).all():
-        try:
-            held = [
-                mode for mode in modes(model, static_equilibrium(model)) if mode.damping_ratio > 0
-            ]
-        except IdentnlError:
-            held = []
-    return (
-        np.array([mode.frequency for mode in held]),
-        np.array([mode.damping_ratio for mode in held]),
-    )

@@ -232,6 +232,12 @@ class StreamAlignment:
         """How every source is aligned now."""
         return self._aligner.state
 
+    @property
+    def places(self) -> tuple[float, ...]:
+        """Where the next point of the grid lies among the samples of each source; or NaN."""
+        lines = (one.line for one in self._streams)
+        return tuple(float(one.at(self._next)) if one else float('nan') for one in lines)
+
     def _taken(self, final: bool) -> list[AlignedSamples]:
         result: list[AlignedSamples] = []
         while True:

@@ -125,6 +125,8 @@ class Table(ABC):
         """Check that there is a file."""
         self.path = path
         self.columns: tuple[Column, ...] = ()
+        self.start_ns: int | None = None
+        """When the recording began, as the file tells it; None: it does not [ns since 1970]."""
         try:
             if not stat.S_ISREG(path.stat().st_mode):
                 raise DataError(f'{path} is not a file; give the path of a recorded file')

@@ -56,6 +56,7 @@ class TdmsTable(ChannelTable):
                 ]
                 rate = told_rate(self._file.properties.items())
                 self.columns = tuple(_column(channel, rate) for channel in self._channels)
+                self.start_ns = _start(self._channels)
             if not self.columns:
                 raise DataError(f'{path} has no columns: expected channels of numbers')
         except BaseException:
@@ -78,6 +79,21 @@ class TdmsTable(ChannelTable):
     def digits(self, column: int, count: int) -> tuple[int, int] | None:
         """Tell how exact a channel is; see `Table.digits`."""
         return single_digits(self._channels[column].dtype)
+
+
+def _start(channels: list[Any]) -> int | None:
+    """Find when all waveforms began; None: at different times, or not told."""
+    told = {
+        (str(one.properties.get('wf_start_time')), float(one.properties.get('wf_start_offset', 0)))
+        for one in channels
+        if one.properties.get('wf_start_time') is not None
+    }
+    if len(told) != 1:
+        return None
+    text, offset = next(iter(told))
+    start = int(np.datetime64(text.removesuffix('Z'), 'ns').astype(np.int64))
+    # Waveforms without a time have that of the year 1904.
+    return start + round(offset * 1e9) if start > 0 else None
 
 
 def _column(channel: Any, file_rate: float | None) -> Column:

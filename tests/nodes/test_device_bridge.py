@@ -152,7 +152,7 @@ def test_stream_of_a_device_that_comes_back_identifies_the_machine(start, watche
     assert int(values['reconnects']) == reconnects + 1
     assert float(values['measured rate [Hz]']) == pytest.approx(RATE, rel=1e-3)
     bridge.signal(signal.SIGTERM)
-    final = watcher.final_estimate()
+    final = watcher.final_estimate(240)
     assert bridge.exit_code() == 0
     assert 'is lost: no samples for 1.5 s' in bridge.output
     assert 'is back after' in bridge.output

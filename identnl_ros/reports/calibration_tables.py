@@ -86,7 +86,7 @@ def _calibrated(title: str, found: list[Calibrated], sensors: dict[str, Sensor])
 def _quiet(channels: tuple[QuietChannel, ...]) -> Iterator[Table]:
     """Yield a table for every kind of sensor."""
     for kind in dict.fromkeys(one.sensor.kind for one in channels):
-        table = _table(f'Quiet record: {kind.value} [{escape(kind.unit)}]')
+        table = _table(escape(f'Quiet record: {kind.value} [{kind.unit}]'))
         table.add_column('sensor', no_wrap=True)
         for heading in ('noise', '+-', 'per √Hz', 'step', 'mean', '+-'):
             table.add_column(heading, justify='right', no_wrap=True)

@@ -38,7 +38,8 @@ def show_calibration(
         console.print(_calibrated('Gain, direction, delay', found, sensors))
     if channels:
         rest = [one for one in findings.calibrated if one.what not in _MOTION]
-        console.print(_quiet(channels))
+        for table in _quiet(channels):
+            console.print(table)
         console.print(_calibrated('Noise, resolution, offset', rest, sensors))
     for sentence in _undetermined(findings):
         console.print(sentence, markup=False)
@@ -82,27 +83,28 @@ def _calibrated(title: str, found: list[Calibrated], sensors: dict[str, Sensor])
     return table
 
 
-def _quiet(channels: tuple[QuietChannel, ...]) -> Table:
-    table = _table('Quiet record')
-    table.add_column('sensor', no_wrap=True)
-    for heading in ('noise', '+-', 'per √Hz', 'step', 'mean', '+-'):
-        table.add_column(heading, justify='right', no_wrap=True)
-    table.add_column('unit', no_wrap=True)
-    table.add_column('noise is', no_wrap=True)
-    for one in channels:
-        table.add_row(
-            escape(one.sensor.name),
-            *(
-                _significant(value, 3)
-                for value in (
-                    one.noise, one.noise * one.relative_error, one.density,
-                    one.resolution or math.nan, one.mean, one.mean_error,
-                )
-            ),
-            escape(one.sensor.kind.unit),
-            'white' if one.white else 'not white',
-        )  # fmt: skip
-    return table
+def _quiet(channels: tuple[QuietChannel, ...]) -> Iterator[Table]:
+    """Yield a table for every kind of sensor."""
+    for kind in dict.fromkeys(one.sensor.kind for one in channels):
+        table = _table(escape(f'Quiet record: {kind.value} [{kind.unit}]'))
+        table.add_column('sensor', no_wrap=True)
+        for heading in ('noise', '+-', 'per √Hz', 'step', 'mean', '+-'):
+            table.add_column(heading, justify='right', no_wrap=True)
+        table.add_column('noise is', no_wrap=True)
+        for one in channels:
+            if one.sensor.kind is not kind:
+                continue
+            table.add_row(
+                escape(one.sensor.name),
+                _significant(one.noise, 3),
+                _significant(one.noise * one.relative_error, 2),
+                _significant(one.density, 3),
+                _significant(one.resolution or math.nan, 3),
+                _significant(one.mean, 3),
+                _significant(one.mean_error, 2),
+                'white' if one.white else 'not white',
+            )
+        yield table
 
 
 def _undetermined(findings: Findings) -> Iterator[str]:

@@ -180,7 +180,7 @@ def test_a_quiet_record_alone_is_shown_in_tables(stand, identnl):
     folder, _ = stand
     found = identnl('calibrate', folder / 'layout.yaml', '--quiet', folder / 'quiet.mcap')
     assert found.exit_code == 0, found.stderr
-    assert 'Quiet record' in found.stdout
+    assert 'Quiet record: displacement [m]' in found.stdout
     assert 'not quiet' not in found.stdout
 
 

@@ -299,7 +299,8 @@ def _line(samples: Reals, rate: float, known: KnownAmplitude) -> float:
     width = rate / len(samples)
     found = minimize_scalar(
         lambda one: float((_sine(samples, rate, one)[1] ** 2).sum()),
-        bounds=(near - 0.6 * width, near + 0.6 * width), method='bounded', options={'xatol': 1e-6 * width},
+        bounds=(near - 0.6 * width, near + 0.6 * width), method='bounded',
+        options={'xatol': 1e-6 * width},
     )  # fmt: skip
     return float(found.x)
 

@@ -19,6 +19,8 @@ UNITS = {
     'duration': 's',
 }
 
+TOLD = {'faults'}  # as problems and remarks
+
 
 @click.command('check')
 @click.argument('paths', nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -89,6 +91,7 @@ def _short(value: object) -> str:
         return ', '.join(
             f'{_title(name) if name in UNITS else name} {_short(one)}'
             for name, one in value.items()
+            if name not in TOLD and one not in ([], {})
         )
     if isinstance(value, list):
         if value and isinstance(value[0], dict) and 'name' in value[0]:

@@ -81,7 +81,7 @@ def command(
         'machine': result.machine.name,
         **estimate_document(estimate, truth),
         'problems': remarks,
-        'left_out': result.losses.readings,
+        'left_out': result.losses.causes,
     }
     return Outcome(document, lambda: _show(estimate, truth), _exit_code(estimate))
 

@@ -20,8 +20,10 @@ class Losses:
         Missing between the blocks, by their running index.
     blocks : int
         Repeated, late or from another source.
-    readings : dict of str to dict of str to int
-        Samples left out, by channel and cause.
+    readings : dict of str to int
+        Samples left out, by channel.
+    causes : dict of str to dict of str to int
+        The same by channel and cause; a sample may have several.
     findings : list of str
         What else is wrong with channels, in sentences.
     degradation : list of str
@@ -33,7 +35,8 @@ class Losses:
 
     samples: int = 0
     blocks: int = 0
-    readings: dict[str, dict[str, int]] = field(default_factory=dict)
+    readings: dict[str, int] = field(default_factory=dict)
+    causes: dict[str, dict[str, int]] = field(default_factory=dict)
     findings: list[str] = field(default_factory=list)
     degradation: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
@@ -52,10 +55,11 @@ class Losses:
         self.samples += summary.lost_samples
         self.blocks += summary.repeated_blocks + summary.foreign_blocks
         for channel in summary.channels:
-            if channel.name in without:
+            if channel.name in without or not channel.excluded:
                 continue
+            self.readings[channel.name] = self.readings.get(channel.name, 0) + channel.excluded
             for cause, count in channel.causes.items():
-                counts = self.readings.setdefault(channel.name, {})
+                counts = self.causes.setdefault(channel.name, {})
                 counts[cause.in_words] = counts.get(cause.in_words, 0) + count
         self.findings += [
             one.sentence
@@ -76,8 +80,8 @@ class Losses:
         remarks = [
             *self.problems,
             *(
-                f'{name}: {sum(causes.values())} samples left out ({_counted(causes)})'
-                for name, causes in self.readings.items()
+                f'{name}: {count} samples left out ({_counted(self.causes[name])})'
+                for name, count in self.readings.items()
             ),
             *self.findings,
             *self.degradation,

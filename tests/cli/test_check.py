@@ -71,8 +71,10 @@ def test_bag_with_few_missing_readings_is_sound_with_a_remark(
     (found,) = json.loads(result.stdout)['files']
     assert found['sound'] is sound
     assert result.exit_code == (0 if sound else 1)
-    (sentence,) = found['remarks' if sound else 'problems']
-    assert f'{holes} of 10000 samples have no valid reading' in sentence
+    sentence, *_ = found['remarks' if sound else 'problems']
+    assert sentence.startswith(f'output: {holes} sample')
+    assert 'without a valid number' in sentence
+    assert found['streams'][0]['left_out']['output']['missing'] == holes
     assert ('remark: ' if sound else 'problem: ') + sentence in identnl('check', bag).stdout
 
 

@@ -19,7 +19,9 @@ UNITS = {
     'duration': 's',
 }
 
-TOLD = {'faults'}  # as problems and remarks
+# Told as problems and remarks.
+TOLD = {'faults'}
+
 
 
 @click.command('check')

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 # Equal values in a row that are always believed; a cut peak has at least three.
 BELIEVED, LEAST_CLIPPED = 8, 3
+# Thresholds below this: the converter is so fine that no value comes back by chance.
+FINE = 9
 # Longer holds than this are believed of a quiet channel, unless others move [s].
 LONGEST_BELIEVED = 1.0
 # Where noise cannot tell: while others move, a hold of this many times the longest before, and
@@ -34,15 +36,15 @@ class HeldValues:
     Where the threshold exceeds `LONGEST_BELIEVED` or there is no noise, rest and failure look
     alike. Then a channel is stuck only if it has moved by many steps before, and holds its
     value while at least half of the others move at least half as much as usual, for
-    `LEAST_HOLD` and `TIMES_LONGEST` times its longest hold so far. A channel that never moved is not judged if
-    its noise is stated to be 0 (perpendicular to the motion, say); if it is not known, after
-    `HOLD_FROM_START` of motion of the others. Forces without noise are not judged: between
+    `LEAST_HOLD` and `TIMES_LONGEST` times its longest hold so far. A channel that never moved
+    is not judged if its noise is stated to be 0 (perpendicular to the motion, say); if it is
+    not known, after `HOLD_FROM_START` of motion of the others. Forces without noise are not judged: between
     blows they rest at 0.
 
-    Peaks are cut off (clipped) where a run stands at the end of the range of the last second,
-    is longer than noise explains (three samples at fine resolution, as above else) and shorter
-    than `LONGEST_CLIPPED`. The step of a blow's velocity looks like a cut peak to a converter
-    coarser than the noise: there only a full scale in the layout tells.
+    Peaks are cut off (clipped) where more samples stand at the end of the range of the last
+    second than noise explains: three to eight in all at fine resolution, else a run as above,
+    but not longer than `LONGEST_CLIPPED`. The step of a blow's velocity looks like a cut peak
+    to a converter coarser than the noise: there only a full scale in the layout tells.
 
     Parameters
     ----------
@@ -69,6 +71,8 @@ class HeldValues:
         self._limit = np.full(len(sensors), np.inf)
         self._shortest = np.full(len(sensors), np.inf)
         self.log_chance = np.zeros(len(sensors))
+        # Largest absolute value of the last second.
+        self.size = np.zeros(len(sensors))
         self.restart(0)
 
     def restart(self, index: int) -> None:
@@ -119,6 +123,7 @@ class HeldValues:
         self._moved |= (change > 0).any(axis=0) & ~same.all(axis=0)
         self._update_limits(length[0], noise)
         top, bottom, wide = self._range.add(values, self._spread(noise))
+        self.size = np.fmax(np.abs(top), np.abs(bottom))
         marks = self._clipped(values, length, start, top, bottom, wide)
         cut = np.zeros(len(self._last), dtype=bool)
         cut[[mark.channel for mark in marks]] = True

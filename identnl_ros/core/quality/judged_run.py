@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 STRETCH = 128
 AHEAD = HALF_WIDTH
 LAG = 32
+# What arithmetic leaves of the largest samples of the last second.
+ROUNDING = 1e-13
 KEPT = max(HISTORY, SEGMENT) + STRETCH + AHEAD + LAG
 Amounts = dict[tuple[int, Condition], float]
 
@@ -188,6 +190,7 @@ class JudgedRun:
                 )
         self._scale.add(differences[first:last])
         floor = np.fmax(self._least_noise, self._held.resolution.step / np.sqrt(12))
+        floor = np.fmax(floor, ROUNDING * self._held.size)
         self._mark(
             find_spikes(
                 self._work, differences, first, last, self._scale.recent, floor, self._base

@@ -31,9 +31,12 @@ class RecentRange:
         count = max(LEAST_STRETCHES, round(MEMORY * sample_rate / STRETCH))
         self._tops = np.full((count, channels), -np.inf)
         self._bottoms = np.full((count, channels), np.inf)
+        self._ties = np.zeros((2, count, channels), dtype=np.intp)
         self._next = 0
         self.usual = np.zeros(channels)
         self.moving = np.zeros(channels, dtype=bool)
+        # Samples of the last second that have the largest, the smallest value.
+        self.at_top = self.at_bottom = np.zeros(channels, dtype=np.intp)
 
     def add(
         self, values: NDArray[np.float64], spread: NDArray[np.float64]
@@ -59,6 +62,10 @@ class RecentRange:
         row = self._next % len(self._tops)
         self._tops[row] = np.fmax.reduce(values, axis=0, initial=-np.inf)
         self._bottoms[row] = np.fmin.reduce(values, axis=0, initial=np.inf)
+        self._ties[:, row] = (
+            (values == self._tops[row]).sum(axis=0),
+            (values == self._bottoms[row]).sum(axis=0),
+        )
         self._next += 1
         span = np.maximum(self._tops[row] - self._bottoms[row], 0.0)
         if self._next % RENEWED == 1:
@@ -67,4 +74,6 @@ class RecentRange:
             self.usual = np.sort(spans, axis=0)[len(spans) // 2]
         self.moving = (span >= USUAL_SHARE * self.usual) & (span > WIDE * spread)
         top, bottom = self._tops.max(axis=0), self._bottoms.min(axis=0)
+        self.at_top = np.where(self._tops == top, self._ties[0], 0).sum(axis=0)
+        self.at_bottom = np.where(self._bottoms == bottom, self._ties[1], 0).sum(axis=0)
         return top, bottom, np.asarray(top - bottom > WIDE * spread)

@@ -9,6 +9,9 @@ from scipy.special import erf
 
 # Smaller changes, relative to the value, are rounding.
 ROUNDING = 1e-14
+# A step recurs exactly; the smallest of so many changes of finer samples does not.
+RECURRENCES, MANY_CHANGES = 3, 1000
+SAME = 1e-6
 # Of a value of which a drifting offset was taken out.
 DRIFT_ROUNDING = 1e-10
 
@@ -17,7 +20,8 @@ class FoundResolution:
     """
     Smallest change between neighbouring samples so far, or the resolution stated.
 
-    Samples of fine resolution give a step far below their noise, which does no harm.
+    The smallest change counts as a step if it recurs; or as long as few changes were seen.
+    Samples of fine resolution give a step far below their noise, or none.
 
     Parameters
     ----------
@@ -31,11 +35,14 @@ class FoundResolution:
         self._rounding = np.where(drifts, DRIFT_ROUNDING, ROUNDING)
         self._exact = not drifts.any()
         self._found = np.full(len(self._stated), np.inf)
+        self._recurred = np.zeros(len(self._stated), dtype=np.intp)
+        self._changes = np.zeros(len(self._stated), dtype=np.intp)
 
     @property
     def step(self) -> NDArray[np.float64]:
         """Of every channel [SI unit], shape (n_channels,); 0: none found yet."""
-        found = np.where(np.isfinite(self._found), self._found, 0.0)
+        credible = (self._recurred >= RECURRENCES) | (self._changes < MANY_CHANGES)
+        found = np.where(np.isfinite(self._found) & credible, self._found, 0.0)
         return np.asarray(np.maximum(self._stated, found))
 
     def add(self, change: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -56,8 +63,12 @@ class FoundResolution:
 
         """
         least = self._rounding * np.nan_to_num(size)
-        smallest = np.where(change > least, change, np.inf).min(axis=0, initial=np.inf)
+        changes = np.where(change > least, change, np.inf)
+        smallest = changes.min(axis=0, initial=np.inf)
+        self._changes += np.isfinite(changes).sum(axis=0)
+        self._recurred[smallest < self._found * (1 - SAME)] = 0
         self._found = np.minimum(self._found, smallest)
+        self._recurred += (changes <= self._found * (1 + SAME)).sum(axis=0) * (smallest < np.inf)
         return change == 0 if self._exact else change <= least
 
 

@@ -26,16 +26,18 @@ LEAST_REFERENCES = 3
 # By the number of samples left out: where they are, the least distance from the polynomial, in
 # standard deviations of its fit. Noise reaches 6.7 once in 1000 h; wider ones must not be blows.
 PATTERNS = {
-    1: ((0,), (-1,), (1,)),
-    2: ((0, 1), (-1, 0)),
-    3: ((-1, 0, 1), (0, 1, 2), (-2, -1, 0)),
+    count: tuple(
+        tuple(range(start, start + count))
+        for start in range(1 - count - NEIGHBOURS, NEIGHBOURS + 1)
+    )
+    for count in (1, 2, 3)
 }
 _ALL_PATTERNS = tuple(one for patterns in PATTERNS.values() for one in patterns)
 LEAST = {1: 7.5, 2: 12.0, 3: 25.0}
 # The rest must look like the windows before, and be small against the spike: a half-sine blow
 # of five samples leaves a sixth of its energy when its three largest samples are left out.
 REST_DEVIATIONS = 4.0
-REST_SHARE = 0.06
+REST_SHARE = {1: 0.3, 2: 0.2, 3: 0.06}
 HISTORY = HALF_WIDTH + REFERENCES * (2 * HALF_WIDTH + 1)
 
 
@@ -160,7 +162,7 @@ def _explanations(windows: NDArray[np.float64], variance: NDArray[np.float64]) -
         explained = (
             (drop > LEAST[count] ** 2 * variance)
             & (excess < REST_DEVIATIONS * np.sqrt(2 * freedom) * variance)
-            & (excess < REST_SHARE * drop)
+            & (excess < REST_SHARE[count] * drop)
         )
         found = np.where(explained & (found < 0), number + rests.argmin(axis=0), found)
         number += len(patterns)

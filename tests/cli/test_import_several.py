@@ -3,6 +3,7 @@
 """Files of one run, recorded with clocks of their own, become one bag on one time."""
 
 from identnl_ros.storage.bag_reader import open_bag
+from nptdms import ChannelObject, TdmsWriter
 import numpy as np
 import pytest
 
@@ -176,3 +177,25 @@ def test_times_since_1970_and_a_slower_file(document, run, tmp_path):
     valid = np.isfinite(samples[:, 2])
     assert valid.mean() > 0.9
     np.testing.assert_allclose(samples[valid, 2], expected[valid], atol=2e-5)
+
+
+def test_tdms_tells_when_its_waveforms_began(document, run, tmp_path):
+    probes, _, layout = run
+    path = tmp_path / 'others.tdms'
+    time = np.arange(6000) / 2000.0
+    begin = np.datetime64('2026-03-01T12:00:00.500', 'us')
+    waveform = {'wf_start_time': begin, 'wf_increment': 1 / 2000.0}
+    with TdmsWriter(path) as writer:
+        values = np.sin(40 * (time + 0.5))
+        writer.write_segment([ChannelObject('run', 'acceleration', values, waveform)])
+    bag = tmp_path / 'run.mcap'
+    start = ('--start', 'probes=2026-03-01T12:00:00')
+    found = document('import', probes, path, '--layout', layout, *start, '--out', bag)
+    assert found['sources'][1]['offset'] == 0.0
+    samples = np.concatenate([block.samples for block in open_bag(bag).blocks()])
+    table = np.loadtxt(probes, delimiter=',', skiprows=1)
+    first = int(np.flatnonzero(table[:, 2] == samples[0, 1])[0])
+    valid = np.flatnonzero(np.isfinite(samples[:, 2]))
+    assert len(valid) > 5500
+    expected = np.sin(40 * (first + valid) / 2000.0)
+    np.testing.assert_allclose(samples[valid, 2], expected, atol=1e-5)

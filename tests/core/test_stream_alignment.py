@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Blocks of several sources become one stream, for as long as they come and whatever happens."""
 
+from itertools import pairwise
+
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimation.estimate import EstimateStatus
 from identnl_ros.core.synchronisation.stream_alignment import StreamAlignment, StreamSource
@@ -233,6 +235,40 @@ def test_rates_that_differ():
         alignment.remarks()
     )
     assert np.abs(misalignments(devices, joined(parts))).max() < 2e-6
+
+
+def test_blocks_of_different_lengths_hold_nobody_up():
+    probes = Device('probes', PROBES, 2000.0, noise=0.1, block=1.0).record(6.0)
+    others = Device('others', OTHERS, 2000.0, 40e-6, 3e-3, seed=3, noise=0.1).record(6.0)
+    alignment, parts = aligned((probes, others))
+    table = joined(parts)
+    assert not any('no samples' in text for text in alignment.remarks())
+    assert np.isfinite(table[200:-200]).all()
+    assert np.abs(misalignments((probes, others), table)).max() < 1e-6
+
+
+def test_clock_of_the_host_that_is_set_back_does_not_stop_the_stream():
+    devices = pair(5.0)
+    for one in devices:
+        one.record(5.0, begin=10000)
+        one.blocks = [
+            (first, stamp - 10**9 * (first >= 10000), samples)
+            for first, stamp, samples in one.blocks
+        ]
+    alignment = StreamAlignment(LAYOUT, [one.source for one in devices], 2000.0, MODEL)
+    parts = []
+    for blocks in zip(*(one.blocks for one in devices), strict=True):
+        for number, block in enumerate(blocks):
+            alignment.add(number, *block)
+        parts.extend(alignment.take())
+    parts.extend(alignment.end())
+    assert all(
+        after.first_index >= before.first_index + len(before.samples)
+        for before, after in pairwise(parts)
+    )
+    assert np.isfinite(joined(parts)[:, 3]).sum() > 0.9 * 20000
+    assert sum('its stamps jump' in text for text in alignment.remarks()) == 2
+    assert alignment.state[1].skew == pytest.approx(40e-6, abs=1e-6)
 
 
 def test_one_source_passes_unchanged():

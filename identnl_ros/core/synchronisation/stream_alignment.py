@@ -82,7 +82,8 @@ class StreamAlignment:
     settling : float
         All sources are observed for so long before any sample is given [s].
     silence : float
-        A source without samples for so long, or for two of its blocks, is without readings [s].
+        A source without samples for so long, or for two of the longest blocks, is without
+        readings [s].
     latency : float
         Standard deviation of the unknown difference between the mean latencies of the stamps of
         two sources [s].
@@ -325,6 +326,7 @@ class StreamAlignment:
         if final:
             return max(reach) > self._next
         host_ns = self._aligner.host_time(end)
+        limit = max(self._silence, 2 * max(one.longest_block for one in self._streams))
         for one in self._streams:
             if one.line is not None:
                 needed = float(one.line.at(end)) + one.needed_after(one.line)
@@ -333,7 +335,6 @@ class StreamAlignment:
             else:
                 newest = one.stamps[-1][1] if one.stamps else None
                 complete = newest is None or newest >= host_ns + round(LOOKAHEAD * NANOSECONDS)
-            limit = max(self._silence, 2 * one.longest_block)
             if not complete and max(reach) < end + limit * self._rate:
                 return False
         return max(reach) > self._next

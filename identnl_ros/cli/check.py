@@ -23,7 +23,6 @@ UNITS = {
 TOLD = {'faults'}
 
 
-
 @click.command('check')
 @click.argument('paths', nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(

@@ -18,7 +18,7 @@ from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.measurement.observation import observe_force
 from identnl_ros.core.measurement.sensor_unknown import sensor_unknown
-from identnl_ros.core.measurement.transform import channels_of
+from identnl_ros.core.measurement.transform import channels_of, MotionTransform
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
@@ -27,6 +27,7 @@ from identnl_ros.core.quality.monitored_transform import MonitoredTransform
 from identnl_ros.sources.losses import Losses
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine
+from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 from numpy.typing import NDArray
 
@@ -141,14 +142,15 @@ def _streamed(
     for bag in bags:
         for stream in bag.streams:
             with _fitting(bag, model):
-                pipeline = MonitoredTransform(model, stream.layout, stream.sample_rate, without)
+                unused = _unused(bag, stream, model, without, losses)
+                pipeline = MonitoredTransform(model, stream.layout, stream.sample_rate, unused)
             for block in bag.blocks(stream.stream_id):
                 for motion in pipeline.add(block):
                     identifier.add(motion)
             for motion in pipeline.finish():
                 identifier.add(motion)
             identifier.end_stream()
-            losses.add(pipeline.monitor.summary(), without)
+            losses.add(pipeline.monitor.summary(), unused)
             losses.degradation += pipeline.transform.degradation
             contradictions += pipeline.contradictions
     if identifier.samples + identifier.rejected == 0:
@@ -172,7 +174,9 @@ def _likelihood(
     )
     contradictions: list[str] = []
     records = [
-        record for bag in bags for record in _records(bag, model, without, losses, contradictions)
+        record
+        for bag in bags
+        for record in _records(bag, model, without, losses, contradictions, bool(unknowns))
     ]
     if not records:
         raise DataError(
@@ -180,7 +184,6 @@ def _likelihood(
         )
     with _fitting(bags[0], model):
         estimate = likelihood_estimate(model, records, unknowns)
-    # Unknown gains are there to take up what contradicts.
     return estimate if unknowns else estimate.doubted(contradictions)
 
 
@@ -190,11 +193,14 @@ def _records(
     without: Collection[str],
     losses: Losses,
     contradictions: list[str],
+    unknowns: bool,
 ) -> Iterator[MeasuredRecord]:
     """Cut a bag at its gaps, and where the force is missing."""
     for stream in bag.streams:
         with _fitting(bag, model):
-            ignored = channels_of(stream.layout, without)
+            # Unknown gains are there to take up what contradicts.
+            unused = without if unknowns else _unused(bag, stream, model, without, losses)
+            ignored = channels_of(stream.layout, unused)
             layout = layout_without(stream.layout, ignored)
             # What is left must tell the force; more is not needed.
             observe_force(model, layout)
@@ -219,8 +225,8 @@ def _records(
             parts.append(block.samples[:, kept])
         if parts:
             runs.append(np.concatenate(parts))
-        losses.add(monitor.summary(), without)
-        contradictions += monitor.contradictions(without)
+        losses.add(monitor.summary(), unused)
+        contradictions += [one.sentence for one in monitor.contradictions(unused)]
         forces = list(layout.of_kind(SensorKind.FORCE))
         for begin, run in zip(begins, runs, strict=True):
             missing = np.flatnonzero(~np.isfinite(run[:, forces]).all(axis=1))
@@ -228,6 +234,33 @@ def _records(
                 if end - first - 1 >= SHORTEST_RUN:
                     part = run[first + 1 : end]
                     yield MeasuredRecord(layout, stream.sample_rate, part, begin + first + 1)
+
+
+def _unused(
+    bag: Bag,
+    stream: StandDescription,
+    model: Model,
+    without: Collection[str],
+    losses: Losses,
+) -> frozenset[str]:
+    """Name the sensors to do without: those given, and those that contradict the others."""
+    monitor = QualityMonitor(stream.layout, stream.sample_rate, model)
+    for _ in monitored(bag.blocks(stream.stream_id), monitor):
+        pass
+    wrong = monitor.contradictions(without)
+    unused = frozenset(without) | {one.channel for one in wrong}
+    if not wrong or not _sees_everything(model, stream, unused):
+        return frozenset(without)
+    losses.findings += [f'{one.sentence} (left out)' for one in wrong]
+    return unused
+
+
+def _sees_everything(model: Model, stream: StandDescription, unused: Collection[str]) -> bool:
+    try:
+        MotionTransform(model, stream.layout, stream.sample_rate, unused)
+    except LayoutError:
+        return False
+    return True
 
 
 @contextmanager

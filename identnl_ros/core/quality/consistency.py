@@ -124,9 +124,12 @@ class Consistency:
                 f'one column for every channel of layout {self._layout.stand}'
             )
         for chunk in self._spectra.add(first_index, samples):
-            self._chunks.append(chunk)
-            self._keep(chunk.means)
-            self._evaluate()
+            self._judge(chunk)
+
+    def finish(self) -> None:
+        """Judge the last samples of a stream too, that are less than what is judged together."""
+        for chunk in self._spectra.finish():
+            self._judge(chunk)
 
     def findings(self) -> tuple[Finding, ...]:
         """Faults that stand now, in the order of the channels."""
@@ -148,6 +151,11 @@ class Consistency:
                 if np.isfinite(value):
                     result[sensor.name] = (float(value), float(one))
         return result
+
+    def _judge(self, chunk: Chunk) -> None:
+        self._chunks.append(chunk)
+        self._keep(chunk.means)
+        self._evaluate()
 
     def _keep(self, means: Reals) -> None:
         for mean in means:

@@ -155,6 +155,20 @@ class Spectra:
                 yield self._chunk(place + self.length)
         self._waiting = self._waiting[begin:]
 
+    def finish(self) -> Iterator[Chunk]:
+        """
+        Sum up the segments that wait for others, at the end of a stream.
+
+        Yields
+        ------
+        Chunk
+            At most one.
+
+        """
+        if self._means:
+            place = self._next - len(self._waiting) - self.hop
+            yield self._chunk(place + self.length)
+
     def _begin(self) -> None:
         self._spectra: list[NDArray[np.complex128]] = []
         self._means: list[Reals] = []

@@ -178,7 +178,7 @@ class QualityMonitor:
         given += self._give(self._run.judge(block.last), block.last)
         return tuple(given)
 
-    def contradictions(self, without: Collection[str] = ()) -> tuple[str, ...]:
+    def contradictions(self, without: Collection[str] = ()) -> tuple[Finding, ...]:
         """
         Tell which sensors have contradicted the motion of rigid bodies so far.
 
@@ -189,12 +189,11 @@ class QualityMonitor:
 
         Returns
         -------
-        tuple of str
-            In sentences.
+        tuple of Finding
 
         """
         return tuple(
-            finding.sentence
+            finding
             for (channel, condition), finding in self._inconsistencies.items()
             if condition & CONTRADICTING and channel not in without
         )
@@ -212,6 +211,8 @@ class QualityMonitor:
         self._quality = ()
         if self._newest is None or self._given_to == self.follower.next_index:
             return ()
+        if self._consistency is not None:
+            self._consistency.finish()
         given = tuple(self._finish())
         self._run.restart(self.follower.next_index)
         return given
@@ -289,6 +290,8 @@ class QualityMonitor:
         )
         for one in stretches:
             self._take_note(one)
+        if last and self._consistency is not None:
+            self._consistency.finish()
         excluded = (flags & EXCLUDING) != 0
         if excluded.any():
             samples[excluded] = np.nan

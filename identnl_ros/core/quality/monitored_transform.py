@@ -57,7 +57,7 @@ class MonitoredTransform:
     @property
     def contradictions(self) -> tuple[str, ...]:
         """Sensors in use that have contradicted the motion of rigid bodies so far, in words."""
-        return self.monitor.contradictions(self._without)
+        return tuple(one.sentence for one in self.monitor.contradictions(self._without))
 
     def add(self, block: SampleBlock) -> tuple[MotionBlock, ...]:
         """

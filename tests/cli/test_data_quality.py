@@ -1,0 +1,78 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Faults of channels are told by `check`, and `identify` does not trust or use them."""
+
+import json
+
+import pytest
+
+from tests.faulty_bags import inverted, stuck, write_faulty
+
+
+@pytest.fixture(scope='module')
+def inverted_bag(tmp_path_factory):
+    return write_faulty(tmp_path_factory.mktemp('inverted') / 'inverted.mcap', inverted)
+
+
+def test_inverted_probe_is_named_by_check(identnl, inverted_bag):
+    result = identnl('check', inverted_bag, '--json')
+    assert result.exit_code == 1
+    (found,) = json.loads(result.stdout)['files']
+    (sentence,) = found['problems']
+    assert sentence.startswith('knee_s1x: reads -1.00')
+    (fault,) = found['streams'][0]['faults']
+    assert (fault['channel'], fault['condition']) == ('knee_s1x', 'inverted')
+    assert fault['amount'] == pytest.approx(-1.0, abs=0.05)
+
+
+def test_inverted_probe_is_left_out_where_the_others_see_everything(document, inverted_bag):
+    found = document('identify', inverted_bag)
+    (sentence,) = [one for one in found['problems'] if 'knee_s1x: reads -1.00' in one]
+    assert sentence.endswith('(left out)')
+    assert within_intervals(found) >= 13  # of 16, at 95 %: less has a probability of 1 in 130
+
+
+def test_estimates_are_in_doubt_where_a_wrong_sensor_is_needed(identnl, tmp_path):
+    bag = write_faulty(tmp_path / 'inverted.mcap', inverted, keep=needed)
+    result = identnl('identify', bag, '--estimator', 'pointwise', '--json')
+    assert result.exit_code == 1
+    found = json.loads(result.stdout)
+    assert not found['trusted']
+    assert any(note.startswith('knee_s1x: reads -1.') for note in found['notes'])
+    assert not any(one['status'] == 'ok' for one in found['parameters'])
+
+
+def needed(name: str) -> bool:
+    """Sensors of which no probe of the knee may fail; the others tell which one is wrong."""
+    return not name.startswith(('knee_s', 'front', 'dove')) or name in {
+        'knee_s1x', 'knee_s1y', 'knee_s2y', 'knee_s2z', 'knee_s3z', 'knee_s3x',
+    }  # fmt: skip
+
+
+def test_stuck_accelerometer_is_left_out_with_its_cause(document, tmp_path):
+    bag = write_faulty(tmp_path / 'stuck.mcap', stuck)
+    found = document('identify', bag)
+    assert list(found['left_out']) == ['column_a2y']
+    assert found['left_out']['column_a2y']['stuck'] == pytest.approx(3000, abs=3)
+    assert any('column_a2y' in one and 'times as large' in one for one in found['problems'])
+    assert within_intervals(found) >= 13
+    assert found['rejected_samples'] < 0.02 * found['samples']
+
+
+def within_intervals(found) -> int:
+    description = {one['name']: one for one in found['parameters'] if one['value'] is not None}
+    truth = true_values()
+    return sum(
+        one['interval'][0] <= truth[name] <= one['interval'][1]
+        for name, one in description.items()
+    )
+
+
+def true_values():
+    from identnl_ros.core.mechanics.assembly import assemble
+    from identnl_ros.storage.machine_file import read_machine
+
+    from tests.faulty_bags import recorded
+
+    model = assemble(read_machine(recorded()[2], 'test'))
+    return {model.parameters[i].name: model.parameters[i].value for i in model.estimated}

@@ -5,7 +5,7 @@
 from dataclasses import replace
 
 from identnl_ros.core.errors import DataError, LayoutError
-from identnl_ros.core.measurement.complete_layout import TYPICAL_NOISE
+from identnl_ros.core.measurement.complete_layout import complete_layout, TYPICAL_NOISE
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.measurement.observation import sensor_matrix
@@ -488,3 +488,18 @@ def test_hum_goes_when_it_is_switched_off():
 
     assert said(passed(change, seconds=9.0)) == {(NAMES[12], Condition.HUM)}
     assert said(passed(change, seconds=21.0)) == set()
+
+
+def test_drift_that_could_be_of_either_channel_names_both():
+    # Three corners at equal distances: what changes one distance may be at either end.
+    layout = complete_layout(MODEL.machine)
+    clean = motion_of(MODEL, layout)
+    names = [sensor.name for sensor in layout.sensors]
+
+    def change(readings, time):
+        readings[:, names.index('knee_acceleration_2z')] += 0.06 * time / 30
+        return readings
+
+    found = passed(change, seconds=24.0, layout=layout, clean=clean).findings()
+    assert {one.channel for one in found} == {'knee_acceleration_1x', 'knee_acceleration_2z'}
+    assert all(' (or knee_acceleration_' in one.sentence for one in found)

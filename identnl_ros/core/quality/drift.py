@@ -68,8 +68,8 @@ def drift_in(
             (least, SIGNIFICANT * scatter, LEAST_OF_MOTION * np.sqrt(errors**2 @ moved**2))
         )
         shown = fit.told & judged & (ranges > limit)
-        weight = np.where(shown & remaining, ranges**2 / fit.variance[0], 0.0)
-        new = most_suspect(weight, groups)
+        weight = np.where(fit.told & remaining, ranges**2 / fit.variance[0], 0.0)
+        new = most_suspect(weight, shown & remaining, groups)
         if not new:
             break
         rivals |= new

@@ -96,8 +96,8 @@ def hum_at(
         limit = np.maximum.reduce((least, (OVER_SIDE - 1) * floor, share * mean['at'].mismatch[0]))
         centred = levels['at'] > CENTRED * beside
         shown = (power > limit) & centred
-        weight = np.where(shown & remaining, power / fit.variance[0], 0.0)
-        new = most_suspect(weight, groups)
+        weight = np.where(remaining, power / fit.variance[0], 0.0)
+        new = most_suspect(weight, shown & remaining, groups)
         if not new:
             break
         rivals |= new

@@ -168,14 +168,18 @@ def _three(direction: Reals) -> Reals:
     return np.stack((direction, right[1], right[2]))
 
 
-def most_suspect(weight: Reals, groups: NDArray[np.int64]) -> dict[int, tuple[int, ...]]:
+def most_suspect(
+    weight: Reals, shown: Flags, groups: NDArray[np.int64]
+) -> dict[int, tuple[int, ...]]:
     """
     Find the channel of every group with the largest evidence, and those that have nearly as much.
 
     Parameters
     ----------
     weight : ndarray, shape (n_channels,)
-        Drop of the misfit if the channel is left out; 0: not a candidate.
+        Drop of the misfit if the channel is left out.
+    shown : ndarray of bool, shape (n_channels,)
+        Channels to choose from; rivals need not be among them.
     groups : ndarray of int, shape (n_channels,)
 
     Returns
@@ -184,9 +188,8 @@ def most_suspect(weight: Reals, groups: NDArray[np.int64]) -> dict[int, tuple[in
 
     """
     result = {}
-    for group in np.unique(groups[weight > 0]):
-        own = np.where(groups == group, weight, 0.0)
-        best = int(np.argmax(own))
-        near = np.flatnonzero(own > (1 - EQUAL_SHARE) * own[best])
+    for group in np.unique(groups[shown]):
+        best = int(np.argmax(np.where((groups == group) & shown, weight, -np.inf)))
+        near = np.flatnonzero((groups == group) & (weight > (1 - EQUAL_SHARE) * weight[best]))
         result[best] = tuple(int(one) for one in near if one != best)
     return result

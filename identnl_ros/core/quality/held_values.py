@@ -38,8 +38,8 @@ class HeldValues:
     value while at least half of the others move at least half as much as usual, for
     `LEAST_HOLD` and `TIMES_LONGEST` times its longest hold so far. A channel that never moved
     is not judged if its noise is stated to be 0 (perpendicular to the motion, say); if it is
-    not known, after `HOLD_FROM_START` of motion of the others. Forces without noise are not judged: between
-    blows they rest at 0.
+    not known, after `HOLD_FROM_START` of motion of the others. Forces without noise are not
+    judged: between blows they rest at 0.
 
     Peaks are cut off (clipped) where more samples stand at the end of the range of the last
     second than noise explains: three to eight in all at fine resolution, else a run as above,

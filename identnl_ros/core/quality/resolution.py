@@ -10,7 +10,7 @@ from scipy.special import erf
 # Smaller changes, relative to the value, are rounding.
 ROUNDING = 1e-14
 # A step recurs exactly; the smallest of so many changes of finer samples does not.
-RECURRENCES, MANY_CHANGES = 3, 1000
+RECURRENCES, MANY_CHANGES = 3, 500
 SAME = 1e-6
 # Of a value of which a drifting offset was taken out.
 DRIFT_ROUNDING = 1e-10

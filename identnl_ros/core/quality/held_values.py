@@ -203,7 +203,11 @@ class HeldValues:
         bottom: NDArray[np.float64],
         wide: NDArray[np.bool_],
     ) -> list[Mark]:
-        at_end = (length >= self._shortest) & wide & ((samples >= top) | (samples <= bottom))
+        fine = self._shortest < FINE
+        long = length >= self._shortest
+        high = np.where(fine, self._range.at_top >= self._shortest, long)
+        low = np.where(fine, self._range.at_bottom >= self._shortest, long)
+        at_end = wide & ((high & (samples >= top)) | (low & (samples <= bottom)))
         if not at_end.any():
             return []
         rows, channels = np.nonzero(at_end)

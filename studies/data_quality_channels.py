@@ -39,6 +39,9 @@ EXCITATIONS = ('multisine', 'sine', 'sweep', 'impulse')
 # Converter steps, in standard deviations of the noise.
 LAYOUTS = {'fine': 0.0, 'steps': 1.0}
 PERIOD = 0.5  # [s]
+# Spikes are put where polynomials leave at most this of the motion, over the noise: away from
+# kinks (contact, blows), which would hide them.
+SMOOTH = 1.6
 
 Injection = Callable[['Record', int, np.random.Generator], None]
 
@@ -204,25 +207,22 @@ def _stuck(length: int) -> Injection:
     return inject
 
 
-def _local_noise(values: Reals, index: int) -> float:
-    """Noise and what motion leaves around a sample, of a polynomial through 33 samples."""
+def _rest_of_motion(values: Reals, index: int) -> float:
+    """Most that polynomials through 33 samples leave, around a sample and before it."""
     place = np.linspace(-1, 1, 33)
-    residuals = [
-        values[begin : begin + 33]
-        - np.polynomial.Polynomial.fit(place, values[begin : begin + 33], 11, domain=[-1, 1])(
-            place
-        )
-        for begin in index - 16 - 33 * np.arange(8)
-    ]
-    squares = np.sum(np.square(residuals), axis=1) / (33 - 12)
-    return float(np.sqrt(max(squares[0], np.median(squares[1:]))))
+    parts = [values[begin : begin + 33] for begin in index - 16 - 33 * np.arange(8)]
+    fits = [np.polynomial.Polynomial.fit(place, part, 11, domain=[-1, 1]) for part in parts]
+    residuals = [part - fit(place) for part, fit in zip(parts, fits, strict=True)]
+    return float(np.sqrt(np.square(residuals).sum(axis=1).max() / (33 - 12)))
 
 
 def _spike(shape: tuple[float, ...]) -> Injection:
     def inject(record: Record, channel: int, generator: np.random.Generator) -> None:
-        begin = _place(record, generator, len(shape))
         sensor = record.layout.sensors[channel]
-        noise = max(sensor.noise, _local_noise(record.samples[:, channel], begin))
+        noise = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12)))
+        begin = _place(record, generator, len(shape))
+        while _rest_of_motion(record.samples[:, channel], begin) > SMOOTH * noise:
+            begin = _place(record, generator, len(shape))
         size = noise * generator.choice([-1, 1]) * np.array(shape)
         if sensor.resolution:
             size = sensor.resolution * np.round(size / sensor.resolution)
@@ -305,10 +305,10 @@ FAULTS = {
     'source says saturated': Fault('one block', Condition.SATURATED, _source_says),
     'stuck, fine steps': Fault('12 samples', Condition.STUCK, _stuck(12), layouts=('fine',)),
     'stuck, steps of sigma': Fault('40 samples', Condition.STUCK, _stuck(40), layouts=('steps',)),
-    'spike, one sample': Fault('15 sigma', Condition.SPIKE, _spike((15,))),
+    'spike, one sample': Fault('18 sigma', Condition.SPIKE, _spike((18,))),
     'spike, two samples': Fault('20 sigma, same sign', Condition.SPIKE, _spike((20, 20))),
     'spike, two samples, +-': Fault('15 sigma, +-', Condition.SPIKE, _spike((15, -15))),
-    'spike, three samples': Fault('40 sigma, same sign', Condition.SPIKE, _spike((40, 40, 40))),
+    'spike, three samples': Fault('50 sigma, same sign', Condition.SPIKE, _spike((50, 50, 50))),
     'more noise': Fault(
         '3 times what is stated; fine steps', Condition.NOISE, _noise(3), layouts=('fine',)
     ),
@@ -482,7 +482,8 @@ def main(runs: int, names: tuple[str, ...], motion: float, blows: float, process
     head = (
         '# Faults that a channel shows by itself\n\nKnee and column, all 58 channels at 10 kHz; '
         'multisine, sine, sweep and blows of 0.5 ms in turn; converter without steps and with '
-        "steps of the noise's standard deviation (sigma; of spikes, with what motion leaves of a polynomial around, if that is larger); written by "
+        "steps of the noise's standard deviation (sigma); spikes away from kinks of the motion; "
+        'written by '
         '`python studies/data_quality_channels.py`.\n\n'
     )
     with workers(processes, runs, console) as mapping:

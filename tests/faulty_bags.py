@@ -31,7 +31,11 @@ def recorded() -> tuple[StandDescription, tuple[SampleBlock, ...], str]:
     return source.description, tuple(source.blocks()), machine.text
 
 
-def write_faulty(path: Path, fault: Callable[[NDArray[np.float64], dict[str, int]], None]) -> Path:
+def write_faulty(
+    path: Path,
+    fault: Callable[[NDArray[np.float64], dict[str, int]], None],
+    keep: Callable[[str], bool] = lambda _: True,
+) -> Path:
     """
     Write a bag.
 
@@ -40,6 +44,8 @@ def write_faulty(path: Path, fault: Callable[[NDArray[np.float64], dict[str, int
     path : Path
     fault : callable
         Changes the samples, shape (n_samples, n_channels), given the columns by name.
+    keep : callable
+        Tells by its name whether the layout has a sensor.
 
     Returns
     -------
@@ -50,11 +56,15 @@ def write_faulty(path: Path, fault: Callable[[NDArray[np.float64], dict[str, int
     columns = {sensor.name: i for i, sensor in enumerate(description.layout.sensors)}
     samples = np.concatenate([block.samples for block in blocks])
     fault(samples, columns)
+    kept = [i for name, i in columns.items() if keep(name)]
+    layout = description.layout
+    layout = replace(layout, sensors=tuple(layout.sensors[i] for i in kept))
     with BagWriter(path) as bag:
-        bag.write_description(description)
+        bag.write_description(replace(description, layout=layout))
         for block in blocks:
-            part = samples[block.first_index : block.next_index]
-            bag.write_block(replace(block, samples=part))
+            part = samples[block.first_index : block.next_index, kept]
+            status = block.channel_status[kept]
+            bag.write_block(replace(block, samples=part, channel_status=status))
     return path
 
 

@@ -38,8 +38,8 @@ class HeldValues:
     value while at least half of the others move at least half as much as usual, for
     `LEAST_HOLD` and `TIMES_LONGEST` times its longest hold so far. A channel that never moved
     is not judged if its noise is stated to be 0 (perpendicular to the motion, say); if it is
-    not known, after `HOLD_FROM_START` of motion of the others. Forces without noise are not judged: between
-    blows they rest at 0.
+    not known, after `HOLD_FROM_START` of motion of the others. Forces without noise are not
+    judged: between blows they rest at 0.
 
     Peaks are cut off (clipped) where more samples stand at the end of the range of the last
     second than noise explains: three to eight in all at fine resolution, else a run as above,
@@ -203,7 +203,11 @@ class HeldValues:
         bottom: NDArray[np.float64],
         wide: NDArray[np.bool_],
     ) -> list[Mark]:
-        at_end = (length >= self._shortest) & wide & ((samples >= top) | (samples <= bottom))
+        fine = self._shortest < FINE
+        long = length >= self._shortest
+        high = np.where(fine, self._range.at_top >= self._shortest, long)
+        low = np.where(fine, self._range.at_bottom >= self._shortest, long)
+        at_end = wide & ((high & (samples >= top)) | (low & (samples <= bottom)))
         if not at_end.any():
             return []
         rows, channels = np.nonzero(at_end)

@@ -40,7 +40,7 @@ class NoiseLevel:
     a twentieth of the sample rate; the median of 40 segments (2 s), so that blows do not count.
     Its own uncertainty is 4 %.
 
-    NOISE: all bands from 0.2 to 0.45 of the sample rate are above twice, or all below half of
+    NOISE: all bands from 0.2 to 0.45 of the sample rate are above twice, or most below half of
     what is stated (noise and converter step together). Motion falls off with frequency and
     spares the quietest band; the thresholds are 15 standard deviations away from what white
     noise gives, false alarms come from motion in all bands only. Found in 99 % of the cases:
@@ -119,11 +119,11 @@ class NoiseLevel:
         density = median_of_valid(flat).reshape(self._densities.shape[1:]) / MEDIAN_FACTOR
         enough = np.isfinite(self._densities[:, 0]).sum(axis=0) >= LEAST
         noise = density[NOISE_BANDS]
-        self.noise = np.sqrt(np.median(noise, axis=0))
+        self.noise = np.sqrt(noise.min(axis=0))
         self.top = np.sqrt(density[TOP].max(axis=0))
         with np.errstate(invalid='ignore'):
             larger = noise.min(axis=0) > NOISE_RATIO**2 * expected
-            smaller = noise.max(axis=0) < expected / NOISE_RATIO**2
+            smaller = np.median(noise, axis=0) < expected / NOISE_RATIO**2
             quiet = np.maximum(density[QUIET].min(axis=0), floor)
             aliasing = density[TOP].max(axis=0) > ALIASING_RATIO * quiet
         self.conditions = np.where(enough & (larger | smaller), Condition.NOISE, 0).astype(

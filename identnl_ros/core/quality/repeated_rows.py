@@ -40,6 +40,7 @@ class RepeatedRows:
         self._weights = generator.integers(0, 2**63, channels, dtype=np.uint64) * 2 + 1
         self._seen: dict[int, int] = {}
         self._order: deque[tuple[int, int]] = deque()
+        self._ring = [0] * MEMORY
         self._distance = 0
         self._first = 0
         self._evidence = 0.0
@@ -75,6 +76,9 @@ class RepeatedRows:
         for row, value in enumerate(hashes):
             index = first_index + row
             earlier = self._seen.get(value)
+            # Coarse rows may also equal a later one than that which comes again.
+            if self._distance and self._ring[(index - self._distance) % MEMORY] == value:
+                earlier = index - self._distance
             if earlier is None:
                 self._distance = 0
             else:
@@ -98,6 +102,7 @@ class RepeatedRows:
     def _remember(self, value: int, index: int) -> None:
         self._seen[value] = index
         self._order.append((value, index))
+        self._ring[index % MEMORY] = value
         if len(self._order) > MEMORY:
             old, at = self._order.popleft()
             if self._seen.get(old) == at:

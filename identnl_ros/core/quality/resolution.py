@@ -9,9 +9,10 @@ from scipy.special import erf
 
 # Smaller changes, relative to the value, are rounding.
 ROUNDING = 1e-14
-# A step recurs exactly; the smallest of so many changes of finer samples does not.
-RECURRENCES, MANY_CHANGES = 3, 1000
-SAME = 1e-6
+# Of so many changes of a converter's steps some are equal, of finer samples none; equal to this
+# share of the samples' size.
+MANY_CHANGES = 1000
+EQUAL = 1e-12
 # Of a value of which a drifting offset was taken out.
 DRIFT_ROUNDING = 1e-10
 
@@ -20,8 +21,8 @@ class FoundResolution:
     """
     Smallest change between neighbouring samples so far, or the resolution stated.
 
-    The smallest change counts as a step if it recurs; or as long as few changes were seen.
-    Samples of fine resolution give a step far below their noise, or none.
+    The smallest change counts as a step, unless the first thousand changes within stretches
+    were all different: there are more than a hundred thousand steps between them then.
 
     Parameters
     ----------
@@ -35,13 +36,13 @@ class FoundResolution:
         self._rounding = np.where(drifts, DRIFT_ROUNDING, ROUNDING)
         self._exact = not drifts.any()
         self._found = np.full(len(self._stated), np.inf)
-        self._recurred = np.zeros(len(self._stated), dtype=np.intp)
+        self._equal = np.zeros(len(self._stated), dtype=np.intp)
         self._changes = np.zeros(len(self._stated), dtype=np.intp)
 
     @property
     def step(self) -> NDArray[np.float64]:
         """Of every channel [SI unit], shape (n_channels,); 0: none found yet."""
-        credible = (self._recurred >= RECURRENCES) | (self._changes < MANY_CHANGES)
+        credible = (self._equal > 0) | (self._changes < MANY_CHANGES)
         found = np.where(np.isfinite(self._found) & credible, self._found, 0.0)
         return np.asarray(np.maximum(self._stated, found))
 
@@ -65,10 +66,13 @@ class FoundResolution:
         least = self._rounding * np.nan_to_num(size)
         changes = np.where(change > least, change, np.inf)
         smallest = changes.min(axis=0, initial=np.inf)
-        self._changes += np.isfinite(changes).sum(axis=0)
-        self._recurred[smallest < self._found * (1 - SAME)] = 0
         self._found = np.minimum(self._found, smallest)
-        self._recurred += (changes <= self._found * (1 + SAME)).sum(axis=0) * (smallest < np.inf)
+        if (self._changes < MANY_CHANGES).any():
+            ordered = np.sort(changes, axis=0)
+            with np.errstate(invalid='ignore'):
+                equal = np.diff(ordered, axis=0) <= EQUAL * np.nan_to_num(size)
+            self._equal += equal.sum(axis=0)
+            self._changes += np.isfinite(changes).sum(axis=0)
         return change == 0 if self._exact else change <= least
 
 

@@ -36,8 +36,12 @@ _ALL_PATTERNS = tuple(one for patterns in PATTERNS.values() for one in patterns)
 LEAST = {1: 7.5, 2: 12.0, 3: 25.0}
 # The rest must look like the windows before, and be small against the spike: a half-sine blow
 # of five samples leaves a sixth of its energy when its three largest samples are left out.
-REST_DEVIATIONS = 4.0
-REST_SHARE = {1: 0.3, 2: 0.2, 3: 0.06}
+REST_DEVIATIONS = 6.0
+REST_SHARE = {1: 0.15, 2: 0.15, 3: 0.06}
+# A step with a kink, as of friction, contact or a cut peak, must explain less: of a
+# spike it leaves a fifth and more of the energy, of a step or kink nothing.
+STEPS = range(-5, 7)
+STEP_SHARE = 0.05
 HISTORY = HALF_WIDTH + REFERENCES * (2 * HALF_WIDTH + 1)
 
 
@@ -151,6 +155,7 @@ def _judge(
 def _explanations(windows: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.intp]:
     """Find the fewest samples that, left out, leave noise; -1: none do, or not judged."""
     whole = _rest(windows, ())
+    kinked = np.min([_rest(windows, (), step) for step in STEPS], axis=0)
     found = np.full(variance.size, -1)
     number = 0
     for count, patterns in PATTERNS.items():
@@ -163,16 +168,19 @@ def _explanations(windows: NDArray[np.float64], variance: NDArray[np.float64]) -
             (drop > LEAST[count] ** 2 * variance)
             & (excess < REST_DEVIATIONS * np.sqrt(2 * freedom) * variance)
             & (excess < REST_SHARE[count] * drop)
+            & (rest + STEP_SHARE * drop < kinked)
         )
         found = np.where(explained & (found < 0), number + rests.argmin(axis=0), found)
         number += len(patterns)
     return found
 
 
-def _rest(windows: NDArray[np.float64], left_out: tuple[int, ...]) -> NDArray[np.float64]:
-    """Sum of squares about the polynomial, without some samples."""
+def _rest(
+    windows: NDArray[np.float64], left_out: tuple[int, ...], step: int | None = None
+) -> NDArray[np.float64]:
+    """Sum of squares about the polynomial, without some samples, or with a step and kink."""
     centred = windows - windows[HALF_WIDTH]
-    return np.asarray(((_complement(left_out) @ centred) ** 2).sum(axis=0))
+    return np.asarray(((_complement(left_out, step) @ centred) ** 2).sum(axis=0))
 
 
 def _distance(window: NDArray[np.float64], left_out: tuple[int, ...]) -> float:
@@ -186,14 +194,16 @@ def _distance(window: NDArray[np.float64], left_out: tuple[int, ...]) -> float:
 
 
 @cache
-def _complement(left_out: tuple[int, ...]) -> NDArray[np.float64]:
-    """Orthonormal rows that see neither polynomials nor the samples left out."""
-    base = _polynomials()
-    unit = np.zeros((len(base), len(left_out)))
-    for column, offset in enumerate(left_out):
-        unit[HALF_WIDTH + offset, column] = 1.0
-    full, _ = np.linalg.qr(np.hstack((base, unit)), mode='complete')
-    return np.ascontiguousarray(full[:, COEFFICIENTS + len(left_out) :].T)
+def _complement(left_out: tuple[int, ...], step: int | None) -> NDArray[np.float64]:
+    """Orthonormal rows that see neither polynomials nor what else is taken out."""
+    offsets = np.arange(-HALF_WIDTH, HALF_WIDTH + 1)
+    columns = [_polynomials(), *((offsets == offset)[:, np.newaxis] for offset in left_out)]
+    if step is not None:
+        later = offsets >= step
+        columns.append(np.column_stack((later, later * (offsets - step) / HALF_WIDTH)))
+    seen = np.hstack(columns)
+    full, _ = np.linalg.qr(seen, mode='complete')
+    return np.ascontiguousarray(full[:, seen.shape[1] :].T)
 
 
 @cache

@@ -61,7 +61,9 @@ study: setup
 	@$(BIN)/python studies/hidden_effects.py --excitation multisine --group outside \
 	    --group strong --group two --group three --out hidden_effects_more
 	@$(BIN)/python studies/hidden_effects.py --excitation sine --out hidden_effects_sine
+	@$(BIN)/python studies/stream_alignment.py
 	@$(BIN)/python studies/data_quality_channels.py
+	@$(BIN)/python studies/data_quality_consistency.py --runs 6
 
 lint: setup
 	$(BIN)/ruff check

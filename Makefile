@@ -4,6 +4,7 @@
 # make setup    .venv with everything: ROS 2, the message package, identnl_ros
 # make demo     the demonstration
 # make test     all tests; arguments for pytest: make test TESTS='tests/core -k contact'
+#               JOBS=2 tells how many processes share them
 # make bench    the benchmarks against peers
 # make study    the Monte-Carlo studies; tables go to studies/results (hours)
 # make lint     ruff and mypy
@@ -14,6 +15,7 @@
 
 PYTHON ?=
 TESTS ?= tests
+JOBS ?= 2
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -47,7 +49,7 @@ demo: setup
 	@$(BIN)/identnl demo
 
 test: setup
-	@$(BIN)/python -m pytest $(TESTS)
+	@$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile $(TESTS)
 
 bench: setup
 	@$(BIN)/python benchmarks/run.py

@@ -79,6 +79,34 @@ class SampleBlock:
         """Index of the first sample after this block."""
         return self.first_index + int(self.samples.shape[0])
 
+    def require(self, channels: int, sample_rate: float) -> None:
+        """
+        Make sure that the block is of the stream it is taken for.
+
+        Parameters
+        ----------
+        channels : int
+            Of the layout.
+        sample_rate : float
+            Of the stream [Hz].
+
+        Raises
+        ------
+        DataError
+            If it has others.
+
+        """
+        if self.samples.shape[1] != channels:
+            raise DataError(
+                f'block {self.first_index}: {self.samples.shape[1]} channels, '
+                f'the layout has {channels}; is another source publishing on the topic?'
+            )
+        if self.sample_rate != sample_rate:
+            raise DataError(
+                f'block {self.first_index}: sample rate {self.sample_rate} Hz, '
+                f'the stream has {sample_rate} Hz'
+            )
+
 
 @dataclass(frozen=True)
 class MotionBlock:

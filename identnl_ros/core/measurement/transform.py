@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
-from identnl_ros.core.errors import DataError, LayoutError
+from identnl_ros.core.errors import LayoutError
 from identnl_ros.core.measurement.alignment import Aligner
 from identnl_ros.core.measurement.blocks import MOTION, MotionBlock, SampleBlock, stamp_after
 from identnl_ros.core.measurement.channel_losses import ChannelLosses
@@ -156,7 +156,7 @@ class MotionTransform:
             If the block does not have the layout's channels or sample rate.
 
         """
-        self._check(block)
+        block.require(len(self._given.sensors), self._rate)
         samples = block.samples[:, self._kept] if self._ignored else block.samples
         arrival = self.follower.accept(
             block.stream_id, block.first_index, block.next_index, block.last
@@ -196,19 +196,6 @@ class MotionTransform:
             self._buffer = self._buffer[ready:]
             self._buffer_index += ready
         return motion
-
-    def _check(self, block: SampleBlock) -> None:
-        channels = len(self._given.sensors)
-        if block.samples.shape[1] != channels:
-            raise DataError(
-                f'block {block.first_index}: {block.samples.shape[1]} channels, '
-                f'the layout has {channels}; is another source publishing on the topic?'
-            )
-        if block.sample_rate != self._rate:
-            raise DataError(
-                f'block {block.first_index}: sample rate {block.sample_rate} Hz, '
-                f'the stream has {self._rate} Hz'
-            )
 
     def _count_missing(self, samples: NDArray[np.float64]) -> None:
         missing = (~np.isfinite(samples)).sum(axis=0)

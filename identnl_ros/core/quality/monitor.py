@@ -5,7 +5,6 @@
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.blocks import ChannelStatus, SampleBlock, stamp_after
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.measurement.layout import Layout
@@ -153,7 +152,7 @@ class QualityMonitor:
             If the block does not have the layout's channels or sample rate.
 
         """
-        self._check(block)
+        block.require(len(self._layout.sensors), self._rate)
         self._quality = ()
         expected = self.follower.next_index
         arrival = self.follower.accept(
@@ -261,19 +260,6 @@ class QualityMonitor:
         self._given_to = 0
         self._after_gap = False
         self._newest = None
-
-    def _check(self, block: SampleBlock) -> None:
-        channels = len(self._layout.sensors)
-        if block.samples.shape[1] != channels:
-            raise DataError(
-                f'block {block.first_index}: {block.samples.shape[1]} channels, '
-                f'the layout has {channels}; is another source publishing on the topic?'
-            )
-        if block.sample_rate != self._rate:
-            raise DataError(
-                f'block {block.first_index}: sample rate {block.sample_rate} Hz, '
-                f'the stream has {self._rate} Hz'
-            )
 
     def _finish(self) -> list[SampleBlock]:
         """Give out the rest of the run before."""

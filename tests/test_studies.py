@@ -149,12 +149,10 @@ def test_weak_estimates_know_their_errors_where_readings_are_missing(degraded, n
 
 
 def test_faults_of_single_channels_are_found_and_good_data_are_believed(channels):
-    results = {
-        name: [channels.injected((name, number)) for number in range(2)]
-        for name in channels.FAULTS
-    }
-    assert not [one for found in results.values() for one in found if one.false]
-    # Each is found in 99 % of the cases: two misses among 34 have a probability of 5 %.
-    assert sum(not one.found for found in results.values() for one in found) <= 2
+    results = {name: [channels.injected((name, 0))] for name in channels.FAULTS}
+    records = [one for found in results.values() for one in found]
+    assert not [one for one in records if one.false]
+    # Each is found in 99 % of the cases: three misses of 87 have a probability of 6 %.
+    assert sum(len(one.missed) for one in records) <= 3
     assert channels.table(results).count('\n') == 1 + len(channels.FAULTS)
     assert channels.clean('motion', 2.0) == []

@@ -26,6 +26,8 @@ os.environ.setdefault('ROS_LOG_DIR', str(Path(tempfile.gettempdir()) / 'identnl_
 # A shell lets what it runs in the background ignore interrupts; processes of tests inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # so does nohup with hang-ups
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 FIRST_DOMAIN = 1
 LAST_DOMAIN = 101  # the ports of higher domains overlap Linux's range of ephemeral ports

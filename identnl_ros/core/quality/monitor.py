@@ -207,9 +207,9 @@ class QualityMonitor:
             At most one; a block that follows is treated as after a gap.
 
         """
-        self._quality = ()
         if self._newest is None or self._given_to == self.follower.next_index:
             return ()
+        self._quality = ()
         if self._consistency is not None:
             self._consistency.finish()
         given = tuple(self._finish())

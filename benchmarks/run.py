@@ -23,6 +23,7 @@ from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.equilibrium import static_equilibrium
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.pointwise.pointwise_identifier import PointwiseIdentifier
+from identnl_ros.core.quality.monitor import monitored, QualityMonitor
 from identnl_ros.core.simulation.excitation import sine
 from identnl_ros.core.simulation.simulation import Simulation, steps_per_sample
 from identnl_ros.storage.bag_reader import open_bag
@@ -80,6 +81,10 @@ def identification(bag_path: Path, machine_path: Path, table: Table) -> None:
 
     description, blocks = read()
 
+    def judged():
+        monitor = QualityMonitor(description.layout, description.sample_rate, model)
+        return list(monitored(blocks, monitor))
+
     def transformed():
         transform = MotionTransform(model, description.layout, description.sample_rate)
         return [motion for block in blocks if (motion := transform.add(block)) is not None]
@@ -120,6 +125,7 @@ def identification(bag_path: Path, machine_path: Path, table: Table) -> None:
     rows = [
         ('identnl identify, whole process', whole, worst_error(values, model)),
         ('  of it: reading the bag', median_seconds(read), None),
+        ('  of it, twice: judging the samples', median_seconds(judged), None),
         ('  of it: sensors to body motion', median_seconds(transformed), None),
         ('  of it: regression and solution', median_seconds(identified), None),
         ('this solver alone, streaming', median_seconds(orthogonal), orthogonal()),

@@ -90,7 +90,8 @@ class MonitoredTransform:
         tuple of MotionBlock
 
         """
-        return self._mapped(self.monitor.finish())
+        cleaned = self.monitor.finish()
+        return self._mapped(cleaned) if cleaned else ()
 
     def _mapped(self, cleaned: tuple[SampleBlock, ...]) -> tuple[MotionBlock, ...]:
         self._judged = tuple(zip(cleaned, self.monitor.quality, strict=True))

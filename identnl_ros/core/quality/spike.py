@@ -33,11 +33,11 @@ PATTERNS = {
     for count in (1, 2, 3)
 }
 _ALL_PATTERNS = tuple(one for patterns in PATTERNS.values() for one in patterns)
-LEAST = {1: 7.5, 2: 12.0, 3: 25.0}
+LEAST = {1: 7.5, 2: 12.0, 3: 35.0}
 # The rest must look like the windows before, and be small against the spike: a half-sine blow
 # of five samples leaves a sixth of its energy when its three largest samples are left out.
 REST_DEVIATIONS = 6.0
-REST_SHARE = {1: 0.15, 2: 0.15, 3: 0.06}
+REST_SHARE = {1: 0.15, 2: 0.15, 3: 0.03}
 # A step with a kink, as of friction, contact or a cut peak, must explain less: of a
 # spike it leaves a fifth and more of the energy, of a step or kink nothing.
 STEPS = range(-5, 7)

@@ -33,6 +33,7 @@ from identnl_ros.storage.shipped import shipped_config
 from monte_carlo import RATE, Reals, RESULTS, SEED, workers
 import numpy as np
 from rich.console import Console
+from scipy.signal.windows import tukey
 
 BLOCK = 100
 SECONDS = 3
@@ -427,7 +428,13 @@ def clean(kind: str, seconds: float, console: Console | None = None) -> list[str
     layout, readings = shipped()
     generator = np.random.default_rng(SEED)
     count = round(PERIOD * RATE)
-    period = readings['multisine' if kind == 'motion' else 'impulse'][-count:]
+    if kind == 'motion':
+        period = readings['multisine'][-count:]
+    else:
+        # From 0.1 s before one blow to 0.1 s before the next but one. The ends fade, so that
+        # readings are continuous where periods of different size meet.
+        begin = len(readings['impulse']) - count - round(0.1 * RATE)
+        period = readings['impulse'][begin : begin + count] * tukey(count, 0.1)[:, np.newaxis]
     noise = noises(layout)
     monitor = QualityMonitor(layout, RATE)
     status = np.zeros(len(layout.sensors), dtype=np.uint8)

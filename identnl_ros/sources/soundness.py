@@ -183,7 +183,8 @@ def check_bag(path: Path, machine_path: Path | None) -> Findings:
                 if fault.condition & Condition.GAP:
                     continue
                 harmful = not fault.condition & EXCLUDING
-                left_out = samples if harmful else shares.get(fault.channel, samples)
+                usual = min(shares.values())  # of faults of all channels
+                left_out = samples if harmful else shares.get(fault.channel, usual)
                 _lacking(findings, left_out, samples).append(fault.sentence)
             if machine is not None:
                 facts |= _fit(machine, stream.layout, stream.sample_rate)

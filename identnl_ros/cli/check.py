@@ -17,6 +17,8 @@ UNITS = {
     'displacement_standard_deviation': 'm, rad',
     'sample_rate': 'Hz',
     'duration': 's',
+    'delay': 's',
+    'standard_deviation': 's',
 }
 
 # Told as problems and remarks.
@@ -30,8 +32,14 @@ TOLD = {'faults'}
     type=click.Path(path_type=Path),
     help='Machine file that layouts and bags have to fit.',
 )
+@click.option(
+    '--delays',
+    is_flag=True,
+    help='Also estimate by how much channels of bags are late against redundant ones; takes some '
+    'seconds.',
+)
 @reporting
-def command(paths: tuple[Path, ...], machine: Path | None) -> Outcome:
+def command(paths: tuple[Path, ...], machine: Path | None, delays: bool) -> Outcome:
     """
     Check machine files, layout files and bags.
 
@@ -39,7 +47,7 @@ def command(paths: tuple[Path, ...], machine: Path | None) -> Outcome:
     lacks less than 1 % of its samples is sound, with a remark. Exit code 1: something is not
     sound.
     """
-    findings = [_check(path, machine) for path in paths]
+    findings = [_check(path, machine, delays) for path in paths]
     sound = all(one.sound for one in findings)
     document = {
         'sound': sound,
@@ -58,11 +66,11 @@ def command(paths: tuple[Path, ...], machine: Path | None) -> Outcome:
     return Outcome(document, lambda: _show(findings), DONE if sound else NEGATIVE)
 
 
-def _check(path: Path, machine: Path | None) -> 'Findings':
+def _check(path: Path, machine: Path | None, delays: bool) -> 'Findings':
     from identnl_ros.sources.soundness import check_bag, check_layout, check_machine
 
     if path.suffix not in ('.yaml', '.yml'):
-        return check_bag(path, machine)
+        return check_bag(path, machine, delays)
     try:
         text = path.read_text('utf-8', errors='replace')
     except OSError:

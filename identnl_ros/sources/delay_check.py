@@ -9,11 +9,12 @@ from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.measured_record import MARGIN, MeasuredRecord
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.synchronisation.damping_cost import damped_modes, damping_change
-from identnl_ros.core.synchronisation.delay_estimate import channel_delays
+from identnl_ros.core.synchronisation.delay_estimate import channel_delays, DelayEstimate
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 # Of the record that is looked at.
 MOST_SAMPLES = 4096
@@ -34,7 +35,7 @@ class ChannelDelay:
     name : str
         Of the sensor.
     delay : float
-        Against the mean of the sensors that see the same motion, beyond what the layout states
+        Against the median of the sensors that see the same motion, beyond what the layout states
         [s].
     deviation : float
         Its standard deviation; infinite: no other sensor tells [s].
@@ -75,7 +76,7 @@ def check_delays(path: Path, model: Model) -> list[ChannelDelay]:
     frequencies, ratios = damped_modes(model)
     result = []
     for name, delay, deviation in zip(
-        found.names, found.delays.tolist(), found.standard_deviations.tolist(), strict=True
+        found.names, _from_medians(found).tolist(), found.standard_deviations.tolist(), strict=True
     ):
         warning = None
         if np.isfinite(deviation) and abs(delay) > SIGNIFICANT * deviation:
@@ -84,6 +85,19 @@ def check_delays(path: Path, model: Model) -> list[ChannelDelay]:
                 warning = _sentence(name, delay, deviation, change)
         result.append(ChannelDelay(name, delay, deviation, warning))
     return result
+
+
+def _from_medians(found: DelayEstimate) -> NDArray[np.float64]:
+    """Count delays from the median of linked channels: a late one makes no other early."""
+    count = len(found.names)
+    _, groups = connected_components(found.covariance[:count, :count] != 0)
+    delays = found.delays.copy()
+    told = np.isfinite(found.standard_deviations)
+    for group in range(groups.max(initial=-1) + 1):
+        members = told & (groups == group)
+        if members.any():
+            delays[members] -= np.median(delays[members])
+    return delays
 
 
 def _sentence(name: str, delay: float, deviation: float, change: str | None) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from identnl_ros.core.errors import IdentnlError
+from identnl_ros.core.errors import DataError, IdentnlError
 from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.transform import MotionTransform
@@ -18,6 +18,7 @@ from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.mechanics.modes import modes
 from identnl_ros.core.quality.condition import Condition, EXCLUDING, Finding
 from identnl_ros.core.quality.monitor import monitored, QualityMonitor, QualitySummary
+from identnl_ros.sources.delay_check import check_delays
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.layout_file import load_layout
 from identnl_ros.storage.machine_file import load_machine, read_machine
@@ -132,7 +133,7 @@ def check_layout(path: Path, machine_path: Path | None) -> Findings:
     return findings
 
 
-def check_bag(path: Path, machine_path: Path | None) -> Findings:
+def check_bag(path: Path, machine_path: Path | None, delays: bool = False) -> Findings:
     """
     Check a bag: is it whole, does it fit its machine.
 
@@ -141,6 +142,8 @@ def check_bag(path: Path, machine_path: Path | None) -> Findings:
     path : Path
     machine_path : Path or None
         None: the machine file that the bag carries, if any.
+    delays : bool
+        Also whether channels of the first stream are late, as far as redundant sensors tell.
 
     Returns
     -------
@@ -188,10 +191,26 @@ def check_bag(path: Path, machine_path: Path | None) -> Findings:
                 _lacking(findings, left_out, samples).append(fault.sentence)
             if machine is not None:
                 facts |= _fit(machine, stream.layout, stream.sample_rate)
+            if delays and model is not None and stream is bag.streams[0]:
+                facts['delays'] = _delays(path, model, findings)
         findings.problems.extend(bag.problems)
     except IdentnlError as error:
         findings.problems.append(str(error))
     return findings
+
+
+def _delays(path: Path, model: Model, findings: Findings) -> dict[str, Any]:
+    try:
+        found = check_delays(path, model)
+    except DataError as error:
+        findings.remarks.append(f'delays are not known: {error}')
+        return {}
+    findings.problems.extend(one.warning for one in found if one.warning)
+    return {
+        one.name: {'delay': one.delay, 'standard_deviation': one.deviation}
+        for one in found
+        if np.isfinite(one.deviation)
+    }
 
 
 def _lacking(findings: Findings, count: int, total: int) -> list[str]:

@@ -19,6 +19,20 @@ def inverted_bag(tmp_path_factory):
     return write_faulty(tmp_path_factory.mktemp('inverted') / 'inverted.mcap', inverted)
 
 
+def test_late_accelerometer_is_told_with_what_it_costs(identnl, tmp_path):
+    def late(samples, columns):
+        column = columns['knee_a1x']
+        samples[1:, column] = samples[:-1, column].copy()  # 200 us
+
+    bag = write_faulty(tmp_path / 'late.mcap', late)
+    found = json.loads(identnl('check', bag, '--delays', '--json').stdout)['files'][0]
+    (sentence,) = [one for one in found['problems'] if one.startswith('knee_a1x: is late')]
+    assert 'damping of the mode' in sentence
+    others = [one for name, one in found['streams'][0]['delays'].items() if name != 'knee_a1x']
+    assert len(others) > 40
+    assert not [one for one in found['problems'] if 'is early' in one and 'column' in one]
+
+
 def test_inverted_probe_is_named_by_check(identnl, inverted_bag):
     result = identnl('check', inverted_bag, '--json')
     assert result.exit_code == 1

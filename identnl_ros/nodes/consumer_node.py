@@ -14,7 +14,7 @@ from identnl_ros.core.measurement.continuity import StreamFollower
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.nodes import qos
-from identnl_ros.nodes.consumption import Progress
+from identnl_ros.nodes.consumption import BEAT, Progress
 from identnl_ros.nodes.diagnosis import check_topic, Health, Level
 from identnl_ros.nodes.managed_node import ManagedNode
 from identnl_ros.sources.setting import Setting
@@ -28,7 +28,6 @@ QUIET_TIME = 0.2  # [s] nothing for so long from nobody: all has arrived
 LONGEST_QUIET = 2.0  # [s] nothing for so long, though somebody is there
 GRACE_NS = NANOSECONDS  # what a source publishes later is not waited for
 DESCRIPTIONS_KEPT = 8
-BEAT = 0.1  # [s]
 
 MACHINE_FILE = Setting(
     'machine_file',

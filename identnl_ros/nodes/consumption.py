@@ -10,6 +10,7 @@ from rclpy.node import Node
 
 REPORT_EVERY = 20  # blocks; a source stays 200 ahead
 STREAMS_KEPT = 4
+BEAT = 0.1  # [s] between attempts to tell of a stream
 
 
 class Progress:

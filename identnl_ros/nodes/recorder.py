@@ -23,7 +23,7 @@ from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.blocks import NANOSECONDS
 from identnl_ros.core.measurement.continuity import StreamFollower
 from identnl_ros.nodes import qos
-from identnl_ros.nodes.consumption import Progress
+from identnl_ros.nodes.consumption import BEAT, Progress
 from identnl_ros.nodes.diagnosis import check_topic, Health, Level
 from identnl_ros.nodes.managed_node import ManagedNode
 from identnl_ros.nodes.running import run
@@ -31,6 +31,7 @@ from identnl_ros.sources.setting import Setting
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.message_reading import block_position
 from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
 
 FLUSH_INTERVAL = 1.0  # [s] what a sudden death can cost
 QUIET_TIME = 0.3  # [s] nothing for so long from nobody: all has arrived
@@ -79,7 +80,7 @@ class Recorder(ManagedNode):
         self._progress: Progress | None = None
         self._last_arrival = self._end_began = 0.0
         self._last_publication = self._latest_publication = 0
-        self._recorded: set[str] = set()
+        self._recorded: dict[str, Subscription] = {}
         self.messages: dict[str, int] = {}
         super().__init__('recorder', **options)
 
@@ -100,9 +101,13 @@ class Recorder(ManagedNode):
         self._wanted = list(self.setting('topics'))
         self._subscribe_to_known()
         self.every(FLUSH_INTERVAL, self._tend)
+        self.every(BEAT, self._beat)
 
     def activate(self) -> None:
-        self._progress = Progress(self)
+        # A source waits for who tells where it is, which a recorder learns from the samples.
+        if 'samples' not in self._recorded:
+            return
+        self._progress = Progress(self, self._is_connected)
         for stream_id in self._streams:
             self._progress.expect(stream_id)
         self.get_logger().info(f'recording to {self._path}')
@@ -164,16 +169,23 @@ class Recorder(ManagedNode):
             if message_type is None:
                 continue
             self._wanted.remove(topic)
-            if topic != '/diagnostics':
-                self._recorded.add(topic)
             latched = topic in LATCHED
-            self.subscribe(
+            subscription = self.subscribe(
                 message_type,
                 topic,
                 self._writer_of(topic, name, _type_name(message_type), latched),
                 qos_profile=qos.recording(latched),
                 raw=True,
             )
+            if topic != '/diagnostics':
+                self._recorded[topic] = subscription
+
+    def _is_connected(self) -> bool:
+        # With all that publish what is recorded: nothing of it is missed.
+        return all(
+            subscription.get_publisher_count() >= self.count_publishers(subscription.topic_name)
+            for subscription in self._recorded.values()
+        )
 
     def _writer_of(
         self, topic: str, name: str, type_name: str, latched: bool
@@ -217,6 +229,10 @@ class Recorder(ManagedNode):
             self._subscribe_to_known()
         if self._bag is not None:
             self._bag.flush()
+
+    def _beat(self) -> None:
+        if self._progress is not None:
+            self._progress.announce()
 
 
 def _type_name(message_type: type) -> str:

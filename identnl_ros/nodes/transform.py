@@ -82,13 +82,16 @@ class Transform(ConsumerNode):
             self._quality.publish(quality_to_message(quality, cleaned))
 
     def is_connected(self) -> bool:
-        # All that want motion are connected: they get it from the first block on.
-        wanted = self.count_subscribers(self._motion.topic_name)
-        return bool(self._motion.get_subscription_count() >= wanted)
+        # All that want motion or quality are connected: they get it from the first block on.
+        return all(
+            publisher.get_subscription_count() >= self.count_subscribers(publisher.topic_name)
+            for publisher in (self._motion, self._quality)
+        )
 
     def finish(self) -> None:
         if self.is_active:
-            self._motion.wait_for_all_acked(Duration(seconds=CONFIRMATION_TIME))
+            for publisher in (self._motion, self._quality):
+                publisher.wait_for_all_acked(Duration(seconds=CONFIRMATION_TIME))
 
     def diagnose(self) -> list[Health]:
         readings = Health('readings')

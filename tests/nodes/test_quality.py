@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults of channels live: status bits, diagnostics, estimates that are in doubt."""
 
+import signal
+
+from mcap.reader import make_reader
 import numpy as np
 import pytest
 
@@ -9,7 +12,7 @@ pytest.importorskip('rclpy')
 
 from identnl_msgs.msg import DataQuality, ParameterEstimate
 from identnl_ros.core.quality.condition import Condition
-from identnl_ros.nodes import qos
+from rclpy.serialization import deserialize_message
 
 from tests.faulty_bags import inverted, RATE, stuck, write_faulty
 
@@ -23,11 +26,18 @@ def both(samples, columns):
 
 def test_faulty_channels_are_flagged_left_out_and_doubted(start, watcher, tmp_path):
     bag = write_faulty(tmp_path / 'faulty.mcap', both)
-    found: list[DataQuality] = []
-    watcher.node.create_subscription(DataQuality, 'quality', found.append, qos.blocks())
-    start('stand', source='bag', bag=bag, speed=0.0, wait_for_consumers=2, estimator='pointwise')
+    recorded = tmp_path / 'recorded.mcap'
+    topics = ['samples', 'stand_description', 'quality']
+    recorder = start('recorder', path=recorded, topics=topics)
+    start('stand', source='bag', bag=bag, speed=0.0, wait_for_consumers=3, estimator='pointwise')
     final = watcher.final_estimate(120.0)
+    words = watcher.health_of('transform: readings', 'knee_s1x: reads -1.00')
+    recorder.signal(signal.SIGTERM)
+    assert recorder.exit_code() == 0
 
+    with recorded.open('rb') as file:
+        messages = make_reader(file).iter_messages(topics=['/bench/quality'])
+        found = [deserialize_message(message.data, DataQuality) for _, _, message in messages]
     status = np.array([message.channel_status for message in found])
     excluded = np.array([message.excluded_samples for message in found])
     counts = [message.sample_count for message in found]
@@ -43,7 +53,6 @@ def test_faulty_channels_are_flagged_left_out_and_doubted(start, watcher, tmp_pa
     assert set(np.flatnonzero(np.bitwise_or.reduce(status, axis=0))) == {held, turned}
     assert any('column_a2y: stuck' in one for message in found for one in message.findings)
 
-    words = watcher.health_of('transform: readings', 'knee_s1x: reads -1.00')
     assert 'column_a2y: stuck' in words
     assert final.samples_used > 0.97 * 1.2 * RATE
     assert any('knee_s1x: reads -1.00' in note for note in final.notes)

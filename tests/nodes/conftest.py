@@ -36,6 +36,7 @@ MACHINE = ROOT / 'config' / 'knee_column.yaml'
 LAYOUT = ROOT / 'config' / 'knee_column_layout.yaml'
 NAMESPACE = '/bench'
 SETTLING_TIME = 0.3  # [s]
+PATIENCE = 120.0  # [s] for what happens at once on an idle machine
 RUN = {'duration': 1.0, 'sample_rate': 5000.0, 'seed': 3, 'excitation': 'multisine'}
 
 
@@ -89,7 +90,7 @@ class NodeProcess:
     def signal(self, number: int) -> None:
         self.process.send_signal(number)
 
-    def exit_code(self, timeout: float = 10.0) -> int:
+    def exit_code(self, timeout: float = PATIENCE) -> int:
         return self.process.wait(timeout)
 
     def kill(self) -> None:
@@ -129,7 +130,7 @@ class Watcher:
                 StandDescriptionMessage, what, self.descriptions.append, qos.stand_description()
             )
 
-    def until(self, condition: Callable[[], object], timeout: float = 15.0) -> object:
+    def until(self, condition: Callable[[], object], timeout: float = PATIENCE) -> object:
         end = time.monotonic() + timeout
         while time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.05)
@@ -137,13 +138,13 @@ class Watcher:
                 return result
         raise AssertionError(f'did not happen in {timeout} s; health: {self.health}')
 
-    def final_estimate(self, timeout: float = 30.0) -> ParameterEstimateArray:
+    def final_estimate(self, timeout: float = PATIENCE) -> ParameterEstimateArray:
         return self.until(
             lambda: self.estimates and self.estimates[-1].stream_ended and self.estimates[-1],
             timeout,
         )
 
-    def health_of(self, name: str, words: str, level: int = 1, timeout: float = 15.0) -> str:
+    def health_of(self, name: str, words: str, level: int = 1) -> str:
         """Wait until a part reports something of a level."""
 
         def found() -> str | None:
@@ -151,7 +152,7 @@ class Watcher:
             known = part is not None and part.level >= level and words in part.message
             return part.message if known else None
 
-        return self.until(found, timeout)
+        return self.until(found)
 
     def call(self, kind: type, service: str, **fields: object) -> object:
         client = self.node.create_client(kind, service)
@@ -189,6 +190,8 @@ def start(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., NodeProcess
         if module in ('identifier', 'stand'):
             # Quick and exact on clean data: most of these tests are about what is around it.
             parameters = {'estimator': 'pointwise', **parameters}
+        if module in ('sensor_bridge', 'stand'):
+            parameters = {'wait_timeout': PATIENCE, **parameters}
         started.append(NodeProcess(module, parameters, tmp_path))
         return started[-1]
 

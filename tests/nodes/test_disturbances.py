@@ -109,7 +109,7 @@ def test_second_publisher_is_named_and_not_used(
     start('identifier')
     start('transform')
     start('sensor_bridge', **{**bridge_settings, 'speed': 0.12})
-    watcher.until(lambda: watcher.estimates, 30)
+    watcher.until(lambda: watcher.estimates)
     other = replace(description, stream_id=5)
     publish(messages(replace(block, stream_id=5) for block in blocks[:10]), describe=other)
     sentence = watcher.health_of('transform: samples', '2 publishers', level=2)

@@ -49,7 +49,7 @@ def test_pause_makes_the_time_of_the_stand_stand_still(
     start('identifier')
     start('transform')
     start('sensor_bridge', **{**bridge_settings, 'speed': 0.5})
-    watcher.until(lambda: watcher.estimates, 30)
+    watcher.until(lambda: watcher.estimates)
     assert change(watcher, 'sensor_bridge', Transition.TRANSITION_DEACTIVATE)
     assert not watcher.estimates[-1].stream_ended
     assert change(watcher, 'sensor_bridge', Transition.TRANSITION_ACTIVATE)

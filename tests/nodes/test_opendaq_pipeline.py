@@ -112,22 +112,22 @@ def test_stand_is_identified_from_an_opendaq_device_that_is_killed_once(start, w
     watcher.listen('samples')
     identifier = start('identifier', estimator='weak')
     transform = start('transform')
-    bridge = start('sensor_bridge', **settings, wait_for_consumers=2, wait_timeout=60.0)
+    bridge = start('sensor_bridge', **settings, wait_for_consumers=2)
     ready = {f'progress of /bench/{name} [samples]' for name in ('transform', 'identifier')}
     stream = 'bench/sensor_bridge: stream'
     watcher.until(
         lambda: stream in watcher.health and watcher.health[stream].values.keys() >= ready, 60
     )
     device.command('sound')
-    watcher.until(lambda: sum(map(count, watcher.blocks)) >= PART, 30)
+    watcher.until(lambda: sum(map(count, watcher.blocks)) >= PART)
     device.kill()
     part = f'sensor_bridge: device {device.address("daq.nd")}'
     watcher.health_of(part, 'does not answer', level=2)
     again = device.again(begin=BEGIN_AGAIN)
     try:
-        watcher.until(lambda: sum(map(count, watcher.blocks)) >= PART + RATE, 30)
+        watcher.until(lambda: sum(map(count, watcher.blocks)) >= PART + RATE)
         bridge.signal(signal.SIGTERM)
-        final = watcher.final_estimate(60)
+        final = watcher.final_estimate()
         assert bridge.exit_code() == 0
     finally:
         again.kill()

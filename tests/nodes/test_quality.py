@@ -30,7 +30,7 @@ def test_faulty_channels_are_flagged_left_out_and_doubted(start, watcher, tmp_pa
     topics = ['samples', 'stand_description', 'quality']
     recorder = start('recorder', path=recorded, topics=topics)
     start('stand', source='bag', bag=bag, speed=0.0, wait_for_consumers=3, estimator='pointwise')
-    final = watcher.final_estimate(120.0)
+    final = watcher.final_estimate()
     words = watcher.health_of('transform: readings', 'knee_s1x: reads -1.00')
     recorder.signal(signal.SIGTERM)
     assert recorder.exit_code() == 0

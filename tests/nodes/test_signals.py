@@ -4,7 +4,6 @@
 """Ctrl-C and SIGTERM in the middle of a run lose nothing that has arrived."""
 
 import signal
-import time
 
 from identnl_ros.storage.bag_reader import open_bag
 import pytest
@@ -25,13 +24,11 @@ def test_signal_to_all_processes_ends_with_everything_used(
         start('transform'),
         start('sensor_bridge', **{**bridge_settings, **ENDLESS, 'wait_for_consumers': 3}),
     ]
-    watcher.until(lambda: watcher.estimates and watcher.estimates[-1].samples_used > 1000, 30)
-    asked = time.monotonic()
+    watcher.until(lambda: watcher.estimates and watcher.estimates[-1].samples_used > 1000)
     for process in processes:
         process.signal(number)
-    final = watcher.final_estimate(5)
-    codes = [process.exit_code(5) for process in processes]
-    assert time.monotonic() - asked < 5
+    final = watcher.final_estimate()
+    codes = [process.exit_code() for process in processes]
     assert codes == [0, 0, 0, 0]
     assert 'Traceback' not in ''.join(process.output for process in processes)
 
@@ -51,11 +48,11 @@ def test_signal_to_one_process_ends_with_everything_used(
     stand = start('stand', **bridge_settings, path=bag) if number == signal.SIGTERM else start(
         'stand', **{**bridge_settings, **ENDLESS}, path=bag, publish_rate=10.0
     )  # fmt: skip
-    watcher.until(lambda: watcher.estimates, 30)
+    watcher.until(lambda: watcher.estimates)
     stand.signal(number)
     stand.signal(number)  # a launcher sends its own after the terminal's
-    final = watcher.final_estimate(5)
-    assert stand.exit_code(5) == 0
+    final = watcher.final_estimate()
+    assert stand.exit_code() == 0
     assert 'Traceback' not in stand.output
     assert list(open_bag(bag).blocks())[-1].next_index - 40 < final.samples_used
 
@@ -65,7 +62,7 @@ def test_bag_of_a_killed_recorder_is_readable(start, watcher, bridge_settings, t
     recorder = start('recorder', path=bag)
     start('sensor_bridge', **{**bridge_settings, **ENDLESS, 'wait_for_consumers': 1})
     watcher.listen('samples')
-    watcher.until(lambda: len(watcher.blocks) > 250, 30)
+    watcher.until(lambda: len(watcher.blocks) > 250)
     recorder.signal(signal.SIGKILL)
     recorder.exit_code()
     blocks = list(open_bag(bag).blocks())
@@ -80,8 +77,8 @@ def test_vanished_consumer_does_not_hold_up_the_source(start, watcher, bridge_se
     settings = {**bridge_settings, 'duration': 10.0, 'wait_for_consumers': 2}
     watcher.listen('samples')
     bridge = start('sensor_bridge', **settings)
-    watcher.until(lambda: watcher.blocks, 30)
+    watcher.until(lambda: watcher.blocks)
     lost.signal(signal.SIGSTOP)
-    watcher.until(lambda: watcher.blocks[-1].last_block, 30)
+    watcher.until(lambda: watcher.blocks[-1].last_block)
     assert '/bench/lost' in bridge.output
     assert 'no longer waited for' in bridge.output

@@ -22,6 +22,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
 
+from tests.nodes.conftest import PATIENCE  # noqa: E402
+
 pytestmark = pytest.mark.ros
 
 RATE = 500.0
@@ -97,8 +99,8 @@ def stamped(message, number, jitter_ns=0):
     return message
 
 
-def read(device, samples, timeout=15.0):
-    blocks, end = [], time.monotonic() + timeout
+def read(device, samples):
+    blocks, end = [], time.monotonic() + PATIENCE
     while sum(len(block.samples) for block in blocks) < samples:
         assert time.monotonic() < end, f'{samples} samples did not come'
         if block := device.read(0.2):
@@ -201,7 +203,7 @@ def test_silent_topic_gives_nothing_and_one_without_publisher_is_lost(publish, d
     assert device.read(0.5) is None
     assert device.read(0.5) is None
     publisher.stop()
-    end = time.monotonic() + 10
+    end = time.monotonic() + PATIENCE
     with pytest.raises(DeviceLost, match='nobody has published it'):  # noqa: PT012
         while time.monotonic() < end:
             device.read(0.1)
@@ -219,7 +221,7 @@ def test_unfit_topics_are_refused_in_words(publish, device_of, monkeypatch):
     with pytest.raises(DeviceLost, match='nobody publishes it'):
         device_of(['/nothing']).open()
     publish(String, '/words', lambda _: String(), range(1))
-    monkeypatch.setattr(topic_device, 'WAIT', 10.0)
+    monkeypatch.setattr(topic_device, 'WAIT', PATIENCE)
     with pytest.raises(DataError, match='its messages are std_msgs/msg/String, expected geom'):
         device_of(['/words']).open()
     with pytest.raises(DataError, match='setting topics is empty'):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A number, text or choice that the user sets, with all that a tool has to show of it."""
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -92,6 +93,22 @@ class Setting:
             within = self.lowest <= value <= self.highest
             expected = '' if within else f'{self.lowest:g} to {self.highest:g}'
         return f'{self.name} is {_shown(value)}, expected {expected}' if expected else ''
+
+
+def without_empty(texts: Iterable[str]) -> tuple[str, ...]:
+    """
+    Take a list as people write it: an empty text in it, or blanks around one, mean nothing.
+
+    Parameters
+    ----------
+    texts : iterable of str
+
+    Returns
+    -------
+    tuple of str
+
+    """
+    return tuple(text.strip() for text in texts if text.strip())
 
 
 def _shown(value: Any) -> str:

@@ -250,14 +250,14 @@ def hung(tmp_path_factory):
     file = load_layout(folder / 'layout.yaml')
     cell, ring = file.layout.sensors
     actual = replace(file.layout, sensors=(replace(cell, gain=2.1e-3, front_mass=0.2), ring))
-    for mass in (5, 1):
+    runs = ((5, Excitation.MULTISINE), (1, Excitation.MULTISINE), (2, Excitation.SINE))
+    for mass, excitation in runs:
         path = folder / f'hung_{mass}.yaml'
         path.write_text(HUNG.format(mass=mass, amplitude=10 * mass), 'utf-8')
         machine = load_machine(path)
         source = SimulatedSource(
-            machine.machine, file.layout,
-            TestRun(Excitation.MULTISINE, 1.0, 5000.0, seed=mass), machine.text, file.text,
-            actual=Description(machine.machine, actual),
+            machine.machine, file.layout, TestRun(excitation, 1.0, 5000.0, seed=mass),
+            machine.text, file.text, actual=Description(machine.machine, actual),
         )  # fmt: skip
         with BagWriter(folder / f'{mass}.mcap') as bag:
             bag.write_description(source.description)
@@ -285,6 +285,26 @@ def test_masses_on_a_cell_write_its_front_mass(hung, document, tmp_path):
     assert errors['front_mass']['standard_error'] < 2e-3
     line = next(one for one in out.read_text('utf-8').splitlines() if 'front_mass:' in one)
     assert line.endswith(' g   # by the drawing')
+
+
+def test_a_gain_by_a_calibrator_and_its_uncertainty_count_for_the_cell(hung, document):
+    # The sine of 10 m/s^2 is 7.07 rms; by a calibrator that is said to make 7.5 the ring is low.
+    found = document(
+        'calibrate', hung / 'layout.yaml',
+        '--known', hung / '2.mcap', 'ring=7.5 m/s^2 +- 2 % of table @ 40 Hz',
+        '--known-mass', hung / '5.mcap', 'cell=5 kg +- 0.1 %: ring',
+        '--known-mass', hung / '1.mcap', 'cell=1 kg +- 0.1 %: ring',
+    )  # fmt: skip
+    ring, cell = (gains(found)[name] for name in ('ring', 'cell'))
+    assert ring['value'] == pytest.approx(np.sqrt(50) / 7.5, rel=1e-3)
+    # Less motion than the ring read before: more force per acceleration.
+    assert cell['value'] == pytest.approx(2.1e-3 * ring['value'], rel=3e-3)
+    # If the table makes more than it says, both gains are too high.
+    for gain in (ring, cell):
+        assert gain['shares']['table'] == pytest.approx(0.02 * gain['value'], rel=0.01)
+    front = next(one for one in found['calibrated'] if one['property'] == 'front_mass')
+    assert abs(front['value'] - 0.2) < 4 * front['standard_error']
+    assert abs(front['shares']['table']) < 1e-4
 
 
 def test_one_mass_leaves_the_front_mass_as_stated(hung, document):

@@ -36,11 +36,15 @@ class ForceNoise:
         Variance that it adds to every estimate, over that which the sensors of motion give it.
     slow_share : float
         Power that it adds to averages of the residual, over that of the sensors' noise.
+    growth : float
+        That power over what it is in most stretches; much where the motion is unstable for a
+        while, and noise grows beyond what a linearised motion tells.
 
     """
 
     variance_share: Reals
     slow_share: float
+    growth: float = 1.0
 
     @classmethod
     def none(cls, unknowns: int) -> 'ForceNoise':
@@ -120,7 +124,7 @@ def force_noise_effect(
     columns = unknowns + 2 * len(model.coordinates) + len(state[2])
     information = Information.empty(columns + DRAWS - 1)
     last = np.zeros((1, len(model.coordinates), DRAWS))
-    squares = count = 0.0
+    powers = []
     for _ in range(len(force) // CHUNK):
         varied = simulation.advance(CHUNK)
         motion = varied.motion
@@ -138,8 +142,7 @@ def force_noise_effect(
         information = information.with_rows(rows[:, :-1], rows[:, -1])
         whole_averages = CHUNK // average
         averages = drawn[: whole_averages * average].reshape(whole_averages, average, -1)
-        squares += float((averages.mean(axis=1) ** 2).sum()) * average
-        count += whole_averages * drawn.shape[1] * DRAWS
+        powers.append(float((averages.mean(axis=1) ** 2).mean()) * average)
     factor = information.factor[:columns]
     lengths = np.linalg.norm(factor[:, :columns], axis=0)
     lengths[lengths == 0] = 1.0
@@ -147,4 +150,5 @@ def force_noise_effect(
     moved = (inverse @ factor[:, columns:]) ** 2
     variance = (inverse**2).sum(axis=1)
     share = moved.mean(axis=1) / np.where(variance > 0, variance, 1.0)
-    return ForceNoise(share, squares / max(count, 1.0))
+    slow_share, usual = float(np.mean(powers)), float(np.median(powers))
+    return ForceNoise(share, slow_share, slow_share / usual if usual > 0 else 1.0)

@@ -26,6 +26,9 @@ FALSE_ALARM_RATE = 0.01
 LARGEST_NOISE = 1.5
 # The power that force noise adds to a residual is narrow-banded and varies: so much is allowed.
 FORCE_MARGIN = 1.5
+# Power of the force noise in the residual over what it is in most stretches. A steady vibration
+# stays below 3; where contacts open and the motion is unstable for a while, it is tens.
+LARGEST_GROWTH = 10.0
 # Deviation of the noise from the stated one that is worth a remark.
 NOTABLE_NOISE = 0.1
 
@@ -86,6 +89,13 @@ def verdict_on(statistics: ResidualStatistics, fitted: int, force_noise: ForceNo
             f'explains (expected below {limit:.3g}): the model lacks something, or a gain, '
             'direction, delay or column in the layout is wrong. The standard deviations do not '
             'hold.'
+        )
+    elif force_noise.growth > LARGEST_GROWTH:
+        doubt = (
+            f'Noise of the measured force grows for a while to {force_noise.growth:.3g} times its '
+            'usual power in the motion, which is unstable there, as where contacts open: it may '
+            'move the estimates further than a linearised motion tells. The standard deviations '
+            'do not hold; excite less.'
         )
     elif abs(noise - 1) > NOTABLE_NOISE:
         remark = said

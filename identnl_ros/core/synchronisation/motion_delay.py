@@ -10,7 +10,7 @@ from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.synchronisation.delay_estimate import DelayEstimate, source_delays
-from identnl_ros.core.synchronisation.stream_source import SourceStream
+from identnl_ros.core.synchronisation.source_stream import SourceStream
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,6 +4,7 @@
 
 from identnl_ros.core.synchronisation.grid_line import Line
 from identnl_ros.core.synchronisation.resampling import interpolate, reach_of
+from identnl_ros.core.synchronisation.sample_buffer import SampleBuffer
 from identnl_ros.core.synchronisation.stamped_clock import StampedClock
 from identnl_ros.core.synchronisation.stream_source import StreamSource
 import numpy as np
@@ -62,17 +63,14 @@ class SourceStream:
         self.clock.restart(keep_from)
         if keep_from is None:
             self.begin = self.end = 0
-            self._parts: list[NDArray[np.float64]] = []
+            self._buffer = SampleBuffer(len(self.places))
         else:
             self.forget(keep_from)
 
     @property
     def samples(self) -> NDArray[np.float64]:
         """Those that are kept, from `begin` to `end`, shape (n_samples, n_channels)."""
-        if len(self._parts) != 1:
-            empty = np.empty((0, len(self.places)))
-            self._parts = [np.concatenate((empty, *self._parts))]
-        return self._parts[0]
+        return self._buffer.samples
 
     @property
     def began(self) -> bool:
@@ -105,10 +103,10 @@ class SourceStream:
                 return False
             self.lost += lost
             if lost:
-                self._parts.append(np.full((lost, len(self.places)), np.nan))
+                self._buffer.add(np.full((lost, len(self.places)), np.nan))
         else:
             self.begin = first_index
-        self._parts.append(np.array(samples, dtype=np.float64))
+        self._buffer.add(samples)
         self.end = first_index + len(samples)
         self.clock.stamps.append((first_index, stamp_ns))
         self.longest_block = max(self.longest_block, len(samples) / self.rate)
@@ -135,9 +133,8 @@ class SourceStream:
 
         """
         drop = int(np.clip(before - self.begin, 0, self.end - self.begin))
-        if drop:
-            self._parts = [self.samples[drop:]]
-            self.begin += drop
+        self._buffer.drop(drop)
+        self.begin += drop
 
     def read(
         self, points: NDArray[np.float64], line: Line, stretch: float | None = None

@@ -123,7 +123,7 @@ class StreamAlignment:
         for stream in self._streams:
             own_rates[stream.places] = stream.rate
         self.layout = noise_on_grid(layout, own_rates.tolist(), sample_rate)
-        """With the noise that one sample has on the grid."""
+        """With the noise that one sample has on the grid; known before the first one."""
         self._remarks: list[str] = []
         self._aligner = SourceAligner(
             layout, self._streams, sample_rate, model, latency, self._remarks.append
@@ -141,7 +141,9 @@ class StreamAlignment:
             if stream.rate < 0.999 * sample_rate:
                 self._remarks.append(
                     f'{stream.source.name}: samples at {stream.rate:g} Hz, the grid at '
-                    f'{sample_rate:g} Hz; it shows nothing above {stream.rate / 2:g} Hz'
+                    f'{sample_rate:g} Hz; it shows nothing above {stream.rate / 2:g} Hz, no noise '
+                    'either, for which the quality or the model may be doubted; that does not '
+                    f'happen with a sample_rate of {stream.rate:g} Hz'
                 )
 
     def add(

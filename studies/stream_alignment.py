@@ -310,8 +310,8 @@ def stand_row_of(case: StandCase, results: list[tuple[Reals, Reals, bool]]) -> s
 
 @click.command()
 @click.option('--runs', default=20, show_default=True)
-@click.option('--stand-runs', default=100, show_default=True)
-@click.option('--hidden-runs', default=10, show_default=True)
+@click.option('--stand-runs', default=40, show_default=True)
+@click.option('--hidden-runs', default=4, show_default=True)
 @click.option('--processes', default=2, show_default=True)
 def main(runs: int, stand_runs: int, hidden_runs: int, processes: int) -> None:
     """Study the alignment of streams; the table goes to studies/results."""

@@ -22,6 +22,8 @@ from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 
 LONGEST_CLOSING = 0.5  # [s] of all devices together
+# Rates that differ by less are the same one, by different crystals.
+ALIKE = 0.999
 
 
 class DeviceSource:
@@ -187,7 +189,7 @@ class DeviceSource:
             if not rate:
                 slowest = min(self._readers, key=lambda one: one.sample_rate)
                 rate = slowest.sample_rate
-                if rate < max(rates):
+                if rate < ALIKE * max(rates):
                     tell(
                         f'the common clock has {rate:g} Hz, the rate of the slowest device '
                         f'({slowest.name}); for another one, set sample_rate'

@@ -198,7 +198,7 @@ class StandCase:
 STAND_CASES = (
     StandCase(0.2),
     StandCase(0.0),
-    StandCase(0.0, 25.6e3, runs=20),
+    StandCase(0.0, 25.6e3, runs=32),
     # 2 % of the mass, and 2 % of the exciter's force.
     *(
         StandCase(noise, hidden=what, runs=4)

@@ -3,6 +3,7 @@
 """`identnl identify`: the parameters of a machine from bags."""
 
 import json
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,8 +62,9 @@ def command(
     """
     Identify the parameters marked "estimate" in the machine file.
 
-    From one or several BAGs of the same machine. Exit code 1: the data determine none of them,
-    or the estimates are not to be trusted because model and data disagree.
+    From one or several BAGs of the same machine. Exit code 1: the data determine none of them
+    so that it could be said how well, or the estimates are not to be trusted because model and
+    data disagree.
     """
     from identnl_ros.core.estimation.physical_bounds import within_physical_bounds
     from identnl_ros.reports.estimate_document import estimate_document
@@ -87,7 +89,7 @@ def command(
 
 
 def _exit_code(estimate: Estimate) -> int:
-    determined = any(one.value == one.value for one in estimate.parameters)
+    determined = any(isfinite(one.standard_deviation) for one in estimate.parameters)
     doubted = any(one.status is EstimateStatus.MODEL_IN_DOUBT for one in estimate.parameters)
     return DONE if determined and not doubted else NEGATIVE
 

@@ -18,6 +18,7 @@ from identnl_msgs.msg import (
 from identnl_msgs.srv import LoadIdentifierState, ResetIdentifier, SaveIdentifierState
 from identnl_ros.core.errors import DataError, IdentnlError
 from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus
+from identnl_ros.core.estimation.force_scale import force_scale_remarks
 from identnl_ros.core.estimation.identifier import ESTIMATORS, Identifier, identifier_for
 from identnl_ros.core.measurement.blocks import MotionBlock, stamp_after
 from identnl_ros.core.measurement.continuity import StreamFollower
@@ -90,6 +91,7 @@ class IdentifierNode(ConsumerNode):
         self._last: Estimate | None = None
         self._machine_text = ''
         self._contradictions: dict[str, None] = {}
+        self._remarks: tuple[str, ...] = ()
         self._has_news = False
         self._stamp = self._last_index = 0
         self._diagnosis = LiveDiagnosis()
@@ -141,9 +143,9 @@ class IdentifierNode(ConsumerNode):
         self._identifier = None
         self._contradictions.clear()
         memory = self.setting('memory')
-        self._identifier = identifier_for(
-            self.model(description), self.setting('estimator'), memory or None
-        )
+        model = self.model(description)
+        self._identifier = identifier_for(model, self.setting('estimator'), memory or None)
+        self._remarks = force_scale_remarks(model)
         self._machine_text = description.machine_text
 
     def use(self, block: MotionBlock) -> None:
@@ -192,7 +194,8 @@ class IdentifierNode(ConsumerNode):
     def _publish(self) -> None:
         self._has_news = False
         identifier = self._ready()
-        self._last = identifier.estimate().doubted(tuple(self._contradictions))
+        estimate = identifier.estimate().doubted(tuple(self._contradictions))
+        self._last = estimate.noted(self._remarks)
         self._estimates.publish(
             estimate_to_message(
                 self._last,

@@ -64,6 +64,24 @@ class JudgedStream:
         """
         return self._monitor.contradictions(without)
 
+    def believed_against(self, channel: str, unused: Collection[str]) -> tuple[str, ...]:
+        """
+        Tell on whose word a sensor is left out.
+
+        Parameters
+        ----------
+        channel : str
+            Name of the sensor.
+        unused : collection of str
+            Sensors that are not used.
+
+        Returns
+        -------
+        tuple of str
+
+        """
+        return tuple(one for one in self._monitor.compared_with(channel) if one not in unused)
+
     def blocks(self) -> Iterable[SampleBlock]:
         """
         Give the samples that are not at fault, the same each time.

@@ -26,6 +26,8 @@ class Losses:
         The same by channel and cause; a sample may have several.
     findings : list of str
         What else is wrong with channels, in sentences.
+    voted_out : dict of str to tuple of str
+        Sensors left out because they contradict others, and these.
     degradation : list of str
         What sensors that were lost or ignored have cost, in sentences.
     problems : list of str
@@ -38,6 +40,7 @@ class Losses:
     readings: dict[str, int] = field(default_factory=dict)
     causes: dict[str, dict[str, int]] = field(default_factory=dict)
     findings: list[str] = field(default_factory=list)
+    voted_out: dict[str, tuple[str, ...]] = field(default_factory=dict)
     degradation: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from identnl_ros.core.errors import DataError, LayoutError
 from identnl_ros.core.estimation.estimate import Estimate
+from identnl_ros.core.estimation.force_scale import force_scale_remarks
 from identnl_ros.core.estimation.identifier import identifier_for
 from identnl_ros.core.likelihood.likelihood_estimate import likelihood_estimate
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
@@ -32,6 +33,8 @@ from numpy.typing import NDArray
 
 # Shorter runs between gaps hardly say more than their own initial state.
 SHORTEST_RUN = 512
+# Sensors named in a sentence.
+MOST_NAMES = 6
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,8 @@ def identify_bags(
                 'the layout describes them; use --estimator likelihood'
             )
         estimate = _streamed(bags, model, estimator, without, losses)
+    voted_out = [_voted_out(*one) for one in losses.voted_out.items()]
+    estimate = estimate.noted((*voted_out, *force_scale_remarks(model)))
     for bag in bags:
         losses.problems += bag.problems
     return BagIdentification(model.machine, estimate, losses)
@@ -244,7 +249,19 @@ def _unused(
     if not wrong or not _sees_everything(model, judged.stream, unused):
         return frozenset(without)
     losses.findings += [f'{one.sentence} (left out)' for one in wrong]
+    losses.voted_out |= {
+        one.channel: judged.believed_against(one.channel, unused) for one in wrong
+    }
     return unused
+
+
+def _voted_out(channel: str, believed: Sequence[str]) -> str:
+    shown = ', '.join(believed[:MOST_NAMES])
+    more = f' and {len(believed) - MOST_NAMES} more' if len(believed) > MOST_NAMES else ''
+    return (
+        f'{channel} was left out because {shown}{more} agree against it; if they are wrong alike, '
+        'so is this estimate.'
+    )
 
 
 def _sees_everything(model: Model, stream: StandDescription, unused: Collection[str]) -> bool:

@@ -185,6 +185,15 @@ def _tables_fit(state: IdentifierState, size: int) -> bool:
         (state.earlier_noise, (size + 1, size + 1)),
         (state.pending, (len(state.pending), 4, motion)),
     ]
+    if state.moments is not None:
+        count = len(state.moments.sums)
+        expected += [
+            (state.moments.sums, (count, size + 1)),
+            (state.moments.products, (count * (size + 1), count * (size + 1))),
+            (state.moments.sizes, (count, 3)),
+            (state.moments.scale, (3, motion)),
+            (state.moments.reference, (size,)),
+        ]
     if state.noise is not None:
         parts = (getattr(state.noise, field.name) for field in fields(state.noise))
         expected += [(part, (motion, motion)) for part in parts]

@@ -140,15 +140,32 @@ class Estimate:
         Returns
         -------
         Estimate
-            What was `ok` is in doubt.
+            What has a value is in doubt.
 
         """
         if not reasons:
             return self
+        trusted = EstimateStatus.OK, EstimateStatus.NOISE_LIMITED
         parameters = tuple(
             replace(one, status=EstimateStatus.MODEL_IN_DOUBT, note=one.note or IN_DOUBT)
-            if one.status is EstimateStatus.OK
+            if one.status in trusted
             else one
             for one in self.parameters
         )
         return replace(self, parameters=parameters, notes=(*self.notes, *reasons))
+
+    def noted(self, remarks: Sequence[str]) -> 'Estimate':
+        """
+        Add what bears on trust but withdraws none.
+
+        Parameters
+        ----------
+        remarks : sequence of str
+            In sentences.
+
+        Returns
+        -------
+        Estimate
+
+        """
+        return replace(self, notes=(*self.notes, *remarks))

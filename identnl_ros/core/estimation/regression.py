@@ -33,7 +33,8 @@ class PointwiseRegression:
     """
 
     model: Model
-    _known: Model = field(init=False, repr=False)
+    known: Model = field(init=False, repr=False)
+    """The model without what is unknown."""
     _derivatives: ForceDerivatives = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -52,7 +53,7 @@ class PointwiseRegression:
             mass_vectors=tuple(one for one in model.mass_vectors if self._is_known(one[0])),
             loads=tuple(load for load in model.loads if self._is_known(load.parameter)),
         )
-        object.__setattr__(self, '_known', known)
+        object.__setattr__(self, 'known', known)
         object.__setattr__(self, '_derivatives', ForceDerivatives(model))
 
     @property
@@ -91,7 +92,7 @@ class PointwiseRegression:
             If the time is needed and not given.
 
         """
-        known = self._known
+        known = self.known
         target = force - known.mass_diagonal() * acceleration + known.constant_load()
         times = self.model.times(time, len(displacement))
         target += known.periodic_load(times) - known.joint_force(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from identnl_ros.core.algebra.information import Information
 from identnl_ros.core.pointwise.noise_bias import NoiseCovariances, SlopeSums
+from identnl_ros.core.pointwise.overidentification import Moments
 from identnl_ros.core.pointwise.scatter import Scatter
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,8 @@ class IdentifierState:
         Of the stream followed last.
     next_index : int
         First sample of it not seen yet.
+    moments : Moments or None
+        Of the test whether equations of motion and sensors contradict each other; None: not kept.
 
     """
 
@@ -58,3 +61,4 @@ class IdentifierState:
     noise_estimated: bool
     stream_id: int | None
     next_index: int
+    moments: Moments | None = None

@@ -5,7 +5,12 @@
 from identnl_ros.core.algebra.information import Information, Solution
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimation.combinations import combination_estimates
-from identnl_ros.core.estimation.estimate import Estimate, EstimateStatus, ParameterEstimate
+from identnl_ros.core.estimation.estimate import (
+    Estimate,
+    EstimateStatus,
+    IN_DOUBT,
+    ParameterEstimate,
+)
 from identnl_ros.core.estimation.regression import PointwiseRegression
 from identnl_ros.core.estimation.unknowns import (
     nothing_yet,
@@ -19,6 +24,7 @@ from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.pointwise.identifier_state import IdentifierState
 from identnl_ros.core.pointwise.noise_bias import NoiseBias, NoiseCovariances, SlopeSums
+from identnl_ros.core.pointwise.overidentification import Overidentification
 from identnl_ros.core.pointwise.scatter import Scatter
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +83,7 @@ class PointwiseIdentifier:
         size = len(self._unknowns)
         self._information = Information.empty(size)
         self._scatter = Scatter.empty(size)
+        self._test = Overidentification(self._model, self._regression)
         self._slopes = self._noise_bias.empty()
         self._noise: NoiseCovariances | None = None
         self._earlier_noise = np.zeros((size + 1, size + 1))
@@ -117,6 +124,7 @@ class PointwiseIdentifier:
             self._noise_estimated,
             self.follower.stream_id,
             self.follower.next_index,
+            self._test.at_the_end(),
         )
 
     def restore(self, state: object) -> None:
@@ -140,6 +148,9 @@ class PointwiseIdentifier:
             raise DataError('the saved state belongs to a machine with other degrees of freedom')
         self._information = state.information
         self._scatter = state.scatter
+        self._test = Overidentification(self._model, self._regression)
+        if state.moments is not None:
+            self._test.moments = state.moments
         self._slopes = state.slopes
         self._noise = state.noise
         self._earlier_noise = state.earlier_noise
@@ -193,6 +204,7 @@ class PointwiseIdentifier:
             if derived
         }
         self._noise_estimated |= block.noise_estimated
+        self._test.add(block, motion, arrival is Arrival.IN_ORDER)
         self._take_noise(block, int(valid.sum()))
         self._pending = np.concatenate((self._pending, motion[valid]))
         while self._pending.shape[0] >= BATCH:
@@ -216,7 +228,7 @@ class PointwiseIdentifier:
         covariance = self._scattering(information, solution, scatter)
         noise = self._noise_moments(slopes)
         bias, bounded = self._bias(solution, noise)
-        excess = self._excess(information, solution, solution.values - bias, noise)
+        doubt = self._doubt(information, solution, solution.values - bias, noise)
         statistical = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         # The bias is known in size only as far as the noise is: it widens, it does not correct.
         # And no estimate is surer than the arithmetic behind it.
@@ -228,7 +240,7 @@ class PointwiseIdentifier:
         covariance[solution.free, :] = np.nan
         covariance[:, solution.free] = np.nan
         parameters = tuple(
-            self._parameter(i, solution, covariance, float(statistical[i]), float(bias[i]), excess)
+            self._parameter(i, solution, covariance, float(statistical[i]), float(bias[i]), doubt)
             for i in range(len(names))
         )
         if not bounded:
@@ -244,7 +256,7 @@ class PointwiseIdentifier:
             else float('nan'),
             condition_number=solution.condition_number,
             combinations=combinations,
-            notes=self._notes(parameters, excess),
+            notes=self._notes(parameters, doubt),
         )
 
     def _take_noise(self, block: MotionBlock, count: int) -> None:
@@ -309,29 +321,50 @@ class PointwiseIdentifier:
         )
         return solution.values - corrected, True
 
-    @staticmethod
-    def _excess(
+    def _doubt(
+        self,
         information: Information,
         solution: Solution,
         values: NDArray[np.float64],
         noise: NDArray[np.float64],
-    ) -> float:
+    ) -> str:
         """
-        Compare the residual with what the sensors' noise explains at the unbiased values.
+        Say why the model is in doubt; empty: nothing speaks against it.
 
-        1 where the residual is too small to matter, or the noise too large to tell.
+        The residual is compared with what the sensors' noise explains at the unbiased values,
+        unless it is too small to matter, or the noise too large to tell.
 
         """
         weights = np.append(-values, 1.0)
         expected = float(weights @ noise @ weights)
         tolerated = RESIDUAL_TOLERANCE**2 * solution.target_squares
         if (
-            information.rows < ROWS_FOR_DOUBT
-            or not np.isfinite(expected)
-            or solution.residual_squares <= tolerated
+            information.rows >= ROWS_FOR_DOUBT
+            and np.isfinite(expected)
+            and solution.residual_squares > tolerated
         ):
-            return 1.0
-        return float(np.sqrt(solution.residual_squares / max(expected, tolerated)))
+            excess = float(np.sqrt(solution.residual_squares / max(expected, tolerated)))
+            if excess > LARGEST_EXCESS:
+                return (
+                    f'The residual is {excess:.3g} times what the stated sensor noise explains: '
+                    'the model lacks something, or a gain, direction, delay, column or noise in '
+                    'the layout is wrong. The standard deviations do not hold.'
+                )
+        of_all, of_rates = self._test.at_the_end().excess(solution.values)
+        if of_rates > 1:
+            return (
+                'The measured rates are not those of the displacement: they differ by '
+                f'{np.sqrt(of_rates):.3g} times what chance explains; a gain or delay in the '
+                'layout is wrong. The standard deviations do not hold.'
+            )
+        if of_all > 1:
+            return (
+                'The residual goes with the force and the motion, by '
+                f'{np.sqrt(of_all):.3g} times what chance explains: the model lacks something, '
+                'or a mass, or a gain, direction, delay or column in the layout is wrong. The '
+                'standard deviations do not hold.'
+            )
+        return ''
 
     def _parameter(
         self,
@@ -340,7 +373,7 @@ class PointwiseIdentifier:
         covariance: NDArray[np.float64],
         statistical: float,
         bias: float,
-        excess: float,
+        doubt: str,
     ) -> ParameterEstimate:
         parameter = self._model.parameters[self._model.estimated[index]]
         head = (parameter.name, parameter.symbol, parameter.unit)
@@ -354,8 +387,8 @@ class PointwiseIdentifier:
                 'these data do not determine it by itself',
             )
         deviation = float(np.sqrt(covariance[index, index]))
-        if excess > LARGEST_EXCESS:
-            status, note = EstimateStatus.MODEL_IN_DOUBT, 'its standard deviation does not hold'
+        if doubt:
+            status, note = EstimateStatus.MODEL_IN_DOUBT, IN_DOUBT
         elif not np.isfinite(bias):
             deviation = float('nan')
             status = EstimateStatus.NOISE_LIMITED
@@ -370,14 +403,8 @@ class PointwiseIdentifier:
             status, note = EstimateStatus.OK, ''
         return ParameterEstimate(*head, value, deviation, status, note)
 
-    def _notes(self, parameters: tuple[ParameterEstimate, ...], excess: float) -> tuple[str, ...]:
-        notes = []
-        if excess > LARGEST_EXCESS:
-            notes.append(
-                f'The residual is {excess:.3g} times what the stated sensor noise explains: the '
-                'model lacks something, or a gain, direction, delay, column or noise in the '
-                'layout is wrong. The standard deviations do not hold.'
-            )
+    def _notes(self, parameters: tuple[ParameterEstimate, ...], doubt: str) -> tuple[str, ...]:
+        notes = [doubt] if doubt else []
         for name in sorted(self._derived):
             notes.append(
                 f'The {name} is not (fully) measured: it is derived from the displacement, '

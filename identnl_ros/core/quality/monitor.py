@@ -197,6 +197,22 @@ class QualityMonitor:
             if condition & CONTRADICTING and channel not in without
         )
 
+    def compared_with(self, channel: str) -> tuple[str, ...]:
+        """
+        Tell which sensors see the motion that a sensor sees.
+
+        Parameters
+        ----------
+        channel : str
+            Name of the sensor.
+
+        Returns
+        -------
+        tuple of str
+
+        """
+        return () if self._consistency is None else self._consistency.checkable[channel]
+
     def finish(self) -> tuple[SampleBlock, ...]:
         """
         Give out what is still held back, where a stream ends without saying so.

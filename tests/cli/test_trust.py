@@ -1,0 +1,64 @@
+# Copyright 2026 The identnl_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""What `identify` says of how far its result may be trusted, and its exit code."""
+
+import json
+
+import pytest
+
+from tests.oscillator_bags import FREE, gains, write_oscillator
+
+FIVE = ('d1', 'a1', 'd2', 'a2', 'a3')
+
+
+def test_sensor_left_out_on_a_vote_is_told_with_those_that_were_believed(document, tmp_path):
+    bag = write_oscillator(tmp_path / 'run.mcap', gains(d1=1.15), probes=FIVE)
+    found = document('identify', bag, '--estimator', 'pointwise')
+    (note,) = [one for one in found['notes'] if 'left out' in one]
+    assert note.startswith('d1 was left out because a1, d2, a2, a3 agree against it')
+    assert note.endswith('if they are wrong alike, so is this estimate.')
+    assert {one['status'] for one in found['parameters']} <= {'ok', 'noise_limited'}
+
+
+def test_of_two_sensors_that_contradict_each_other_none_is_believed(identnl, tmp_path):
+    bag = write_oscillator(tmp_path / 'run.mcap', gains(a1=1.15))
+    result = identnl('identify', bag, '--estimator', 'pointwise', '--json')
+    assert result.exit_code == 1
+    found = json.loads(result.stdout)
+    assert {one['status'] for one in found['parameters']} == {'model_in_doubt'}
+    assert {one.split()[0] for one in found['notes'] if 'the gain is wrong' in one} == {'d1', 'a1'}
+
+
+@pytest.mark.parametrize('estimator', ['weak', 'pointwise', 'likelihood'])
+def test_only_the_force_tells_the_scale_where_all_is_unknown(document, tmp_path, estimator):
+    bag = write_oscillator(tmp_path / 'free.mcap', machine=FREE, duration=0.5)
+    notes = document('identify', bag, '--estimator', estimator)['notes']
+    assert sum('scale with the force' in note for note in notes) == 1
+
+
+def test_estimates_of_a_machine_without_a_known_number_follow_the_force(document, tmp_path):
+    values = []
+    for gain in (1.0, 1.03):
+        bag = write_oscillator(tmp_path / f'{gain}.mcap', gains(force=gain), FREE, duration=0.5)
+        found = document('identify', bag, '--estimator', 'pointwise')
+        values.append([one['value'] for one in found['parameters']])
+    assert [b / a for a, b in zip(*values, strict=True)] == pytest.approx([1.03] * 3, rel=1e-9)
+
+
+def test_known_mass_tells_the_scale(document, tmp_path):
+    bag = write_oscillator(tmp_path / 'run.mcap', duration=0.5)
+    notes = document('identify', bag, '--estimator', 'pointwise')['notes']
+    assert not any('scale with the force' in note for note in notes)
+
+
+def test_values_without_standard_deviations_are_a_negative_verdict(identnl, tmp_path):
+    def far_away(samples, columns):
+        samples[:, columns['d1']] *= 1000
+
+    bag = write_oscillator(tmp_path / 'run.mcap', far_away, duration=0.3)
+    result = identnl('identify', bag, '--json')
+    found = json.loads(result.stdout)
+    assert any(one['value'] is not None for one in found['parameters'])
+    assert all(one['standard_deviation'] is None for one in found['parameters'])
+    assert {one['status'] for one in found['parameters']} == {'noise_limited'}
+    assert result.exit_code == 1

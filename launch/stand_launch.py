@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start the nodes of a stand: ros2 launch identnl_ros stand_launch.py machine_file:=..."""
 
-from identnl_ros.nodes.launch_plan import ARGUMENTS, plan
+from identnl_ros.nodes.launch_plan import arguments, plan
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
@@ -13,7 +13,7 @@ from launch import LaunchContext, LaunchDescription
 def start_nodes(context: LaunchContext) -> list[LifecycleNode]:
     given = {
         argument.name: LaunchConfiguration(argument.name).perform(context)
-        for argument in ARGUMENTS
+        for argument in arguments()
     }
     # The nodes configure and activate themselves (parameter autostart).
     return [
@@ -22,7 +22,7 @@ def start_nodes(context: LaunchContext) -> list[LifecycleNode]:
             executable=node.executable,
             name=node.executable,
             namespace=given['namespace'],
-            parameters=[node.parameters],
+            parameters=[node.parameters] if node.parameters else [],
             output='screen',
         )
         for node in plan(given)
@@ -38,7 +38,7 @@ def generate_launch_description() -> LaunchDescription:
                     default_value=argument.default,
                     description=argument.description,
                 )
-                for argument in ARGUMENTS
+                for argument in arguments()
             ),
             OpaqueFunction(function=start_nodes),
         ]

@@ -16,7 +16,7 @@ from typing import Any
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.sources.device import Device, DeviceBlock, DeviceChannel, DeviceLost
-from identnl_ros.sources.setting import Setting
+from identnl_ros.sources.setting import Setting, without_empty
 import numpy as np
 
 HEAD = struct.Struct('<QQ')
@@ -95,7 +95,7 @@ class UdpDevices:
     def devices(self, setting: Callable[[str], Any]) -> list[Device]:
         """Make the device; it is opened later."""
         channels = []
-        for text in filter(None, (part.strip() for part in setting('channels').split(','))):
+        for text in without_empty(setting('channels').split(',')):
             name, _, unit = text.partition(':')
             channels.append(DeviceChannel(name.strip(), unit.strip()))
         if not channels:

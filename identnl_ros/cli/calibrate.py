@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from identnl_ros.cli.known_inputs import amplitude, mass
+from identnl_ros.cli.known_inputs import amplitude, mass, reference_uncertainty
 from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome, say
 from identnl_ros.core.errors import DataError
 
@@ -34,6 +34,14 @@ PATH = click.Path(path_type=Path)
     help='Sensor that is right, several times: a name, a pattern such as "knee_a*", or a kind.',
 )
 @click.option(
+    '--reference-uncertainty',
+    'uncertainties',
+    multiple=True,
+    metavar='NAME=UNCERTAINTY',
+    help='How well the gain of a reference, or of an accelerometer on a known mass, is known, '
+    'several times, e.g. "probe=0.5 %"; "displacement=0.5 % of laser": all share one error.',
+)
+@click.option(
     '--estimate',
     'properties',
     multiple=True,
@@ -47,7 +55,7 @@ PATH = click.Path(path_type=Path)
     type=(PATH, str),
     metavar='BAG SENSOR=AMPLITUDE',
     help='Sensor on a calibrator of known amplitude (rms), several times, e.g. '
-    'ring.mcap "ring=10 m/s^2 +- 1% @ 159.155 Hz".',
+    'ring.mcap "ring=10 m/s^2 +- 1% @ 159.155 Hz"; "+- 1% of NAME" is shared by all of that NAME.',
 )
 @click.option(
     '--known-mass',
@@ -57,7 +65,7 @@ PATH = click.Path(path_type=Path)
     type=(PATH, str),
     metavar='BAG CELL=MASS:ACCELEROMETER',
     help='Force cell that shakes a freely hung mass, several times, e.g. '
-    'mass.mcap "cell=5 kg: ring".',
+    'mass.mcap "cell=5 kg +- 0.1%: ring"; different masses, also 0 kg, tell the front mass too.',
 )
 @click.option('--out', type=PATH, help='Layout file to write.')
 @click.option('--overwrite', is_flag=True, help='OUT may exist, and may be LAYOUT itself.')
@@ -69,6 +77,7 @@ def command(
     quiet: Path | None,
     motion: tuple[Path, ...],
     references: tuple[str, ...],
+    uncertainties: tuple[str, ...],
     properties: tuple[str, ...],
     known: tuple[tuple[Path, str], ...],
     masses: tuple[tuple[Path, str], ...],
@@ -77,7 +86,7 @@ def command(
     force: bool,
 ) -> Outcome:
     """
-    Find noise, offsets, gains, directions and delays of the sensors of LAYOUT.
+    Find noise, offsets, gains, directions, delays and front masses of the sensors of LAYOUT.
 
     The bags must have been recorded with LAYOUT. OUT is LAYOUT with the numbers that were found;
     comments, order and units stay. Exit code 1: the sensors do not agree with one another even so,
@@ -108,6 +117,7 @@ def command(
             [(path, amplitude(text, described)) for path, text in known],
             [(path, mass(text)) for path, text in masses],
             frozenset(map(Property, properties)) or ALL,
+            [reference_uncertainty(text) for text in uncertainties],
         ),
     )
     for problem in result.problems:

@@ -8,11 +8,16 @@ from typing import TYPE_CHECKING
 from identnl_ros.core.errors import DataError
 
 if TYPE_CHECKING:
-    from identnl_ros.core.calibration.known_input import KnownAmplitude, KnownMass
+    from identnl_ros.core.calibration.force_cell import KnownMass
+    from identnl_ros.core.calibration.known_input import KnownAmplitude
     from identnl_ros.core.measurement.layout import Layout
+    from identnl_ros.sources.calibration_references import ReferenceUncertainty
 
-_AMPLITUDE = re.compile(r'([^=]+)=([^@]+?)(?:\+-([^@]+))?(?:@(.+))?')
-_MASS = re.compile(r'([^=]+)=([^:]+?)(?:\+-([^:]+))?:(.+)')
+# 1 %, or 1 % of a standard that others have in common.
+_UNCERTAINTY = r'([^=@:]+?)(?:\s+of\s+([^=@:]+))?'
+_AMPLITUDE = re.compile(rf'([^=]+)=([^@]+?)(?:\+-{_UNCERTAINTY})?(?:@(.+))?')
+_MASS = re.compile(rf'([^=]+)=([^:]+?)(?:\+-{_UNCERTAINTY})?:(.+)')
+_REFERENCE = re.compile(rf'([^=]+)={_UNCERTAINTY}')
 
 
 def amplitude(text: str, layout: 'Layout') -> 'KnownAmplitude':
@@ -22,7 +27,8 @@ def amplitude(text: str, layout: 'Layout') -> 'KnownAmplitude':
     Parameters
     ----------
     text : str
-        E.g. ``ring=10 m/s^2 +- 1% @ 159.155 Hz``; uncertainty and frequency may be left out.
+        E.g. ``ring=10 m/s^2 +- 1% of calibrator @ 159.155 Hz``; uncertainty, its standard and
+        frequency may be left out.
     layout : Layout
 
     Returns
@@ -43,7 +49,7 @@ def amplitude(text: str, layout: 'Layout') -> 'KnownAmplitude':
             f'--known: found "{text}", expected SENSOR=AMPLITUDE, e.g. '
             '"ai3=10 m/s^2 +- 1% @ 159.155 Hz"'
         )
-    name, value, error, frequency = (part and part.strip() for part in match.groups())
+    name, value, error, standard, frequency = (part and part.strip() for part in match.groups())
     unit = layout.sensors[channel_of(layout, name)].kind.unit
     return KnownAmplitude(
         name,
@@ -52,6 +58,7 @@ def amplitude(text: str, layout: 'Layout') -> 'KnownAmplitude':
         if frequency
         else None,
         _positive('--known', error, '', 'an uncertainty such as "1 %"') if error else 0.0,
+        standard or '',
     )
 
 
@@ -62,7 +69,8 @@ def mass(text: str) -> 'KnownMass':
     Parameters
     ----------
     text : str
-        E.g. ``cell=5 kg +- 0.1%: ring_1, ring_2``; the uncertainty may be left out.
+        E.g. ``cell=5 kg +- 0.1% of scale: ring_1, ring_2``; the uncertainty and its standard may
+        be left out. 0 kg: nothing hangs there.
 
     Returns
     -------
@@ -74,7 +82,7 @@ def mass(text: str) -> 'KnownMass':
         If it cannot be understood.
 
     """
-    from identnl_ros.core.calibration.known_input import KnownMass
+    from identnl_ros.core.calibration.force_cell import KnownMass
 
     match = _MASS.fullmatch(text)
     if match is None:
@@ -82,22 +90,59 @@ def mass(text: str) -> 'KnownMass':
             f'--known-mass: found "{text}", expected CELL=MASS:ACCELEROMETER,..., e.g. '
             '"cell=5 kg +- 0.1%: ring_1, ring_2"'
         )
-    cell, value, error, names = match.groups()
+    cell, value, error, standard, names = match.groups()
     return KnownMass(
         cell.strip(),
-        _positive('--known-mass', value, 'kg', 'a mass such as "5 kg"'),
+        _positive('--known-mass', value, 'kg', 'a mass such as "5 kg"', or_zero=True),
         tuple(name.strip() for name in names.split(',')),
         _positive('--known-mass', error, '', 'an uncertainty such as "1 %"') if error else 0.0,
+        (standard or '').strip(),
     )
 
 
-def _positive(option: str, text: str, unit: str, expected: str) -> float:
+def reference_uncertainty(text: str) -> 'ReferenceUncertainty':
+    """
+    Read how well the gain of a reference is known.
+
+    Parameters
+    ----------
+    text : str
+        E.g. ``probe=0.5 %``, or ``displacement=0.5 % of laser``, by which all share one error.
+
+    Returns
+    -------
+    ReferenceUncertainty
+
+    Raises
+    ------
+    DataError
+        If it cannot be understood.
+
+    """
+    from identnl_ros.sources.calibration_references import ReferenceUncertainty
+
+    match = _REFERENCE.fullmatch(text)
+    if match is None:
+        raise DataError(
+            f'--reference-uncertainty: found "{text}", expected SENSOR=UNCERTAINTY, e.g. '
+            '"probe=0.5 %" or "displacement=0.5 % of laser"'
+        )
+    sensors, error, standard = match.groups()
+    return ReferenceUncertainty(
+        sensors.strip(),
+        _positive('--reference-uncertainty', error, '', 'an uncertainty such as "1 %"'),
+        (standard or '').strip(),
+    )
+
+
+def _positive(option: str, text: str, unit: str, expected: str, or_zero: bool = False) -> float:
     from identnl_ros.storage.quantities import Quantity
 
     try:
         value = Quantity(unit, expected).number(text.strip())
     except ValueError as error:
         raise DataError(f'{option}: {error}') from None
-    if value <= 0:
-        raise DataError(f'{option}: found "{text.strip()}", expected {expected}, more than 0')
+    if value < 0 or (value == 0 and not or_zero):
+        least = 'at least 0' if or_zero else 'more than 0'
+        raise DataError(f'{option}: found "{text.strip()}", expected {expected}, {least}')
     return value

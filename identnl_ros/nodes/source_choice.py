@@ -79,7 +79,7 @@ def settings_of_sources() -> tuple[Setting, ...]:
 
     """
     return tuple(
-        replace(setting, name=_parameter(source, setting.name))
+        replace(setting, name=parameter_name(source.name, setting.name))
         for source in installed_sources()
         for setting in source.settings
     )
@@ -106,20 +106,59 @@ def make_source(setting: Values, tell: Callable[[str], None] = lambda _: None) -
         If a file, a number or a source is unsound.
 
     """
-    names = [name.strip() for name in setting('source').split('+')]
+    sources = chosen_sources(setting('source'))
+    if is_kind_of_device(sources[0]):
+        return _device_source(sources, setting, tell)
+    maker = cast(KindOfSource, sources[0].kind)
+    return cast(Source, _made(sources[0], maker.make, setting))
+
+
+def chosen_sources(text: str) -> list[InstalledSource]:
+    """
+    Find the sources that the parameter ``source`` names.
+
+    Parameters
+    ----------
+    text : str
+        A name, or several of kinds of device joined by ``+``.
+
+    Returns
+    -------
+    list of InstalledSource
+        One source that makes its own blocks, or kinds of device.
+
+    Raises
+    ------
+    DataError
+        If one is not installed or cannot be used, or they cannot be joined.
+
+    """
+    names = [name.strip() for name in text.split('+')]
     sources = [installed_sources()[name] for name in names]
     if len(set(names)) < len(names):
-        raise DataError(f'source is "{setting("source")}", expected every kind of device once')
-    makers = [one for one in sources if not _is_kind_of_device(one)]
-    if not makers:
-        return _device_source(sources, setting, tell)
-    if len(sources) > 1:
+        raise DataError(f'source is "{text}", expected every kind of device once')
+    alone = [one.name for one in sources if not is_kind_of_device(one)]
+    if alone and len(sources) > 1:
         raise DataError(
-            f'source is "{setting("source")}", but {makers[0].name} cannot be joined with '
-            'others; only devices can'
+            f'source is "{text}", but {alone[0]} cannot be joined with others; only devices can'
         )
-    maker = cast(KindOfSource, makers[0].kind)
-    return cast(Source, _made(makers[0], maker.make, setting))
+    return sources
+
+
+def is_kind_of_device(source: InstalledSource) -> bool:
+    """
+    Tell devices from what makes its own blocks.
+
+    Parameters
+    ----------
+    source : InstalledSource
+
+    Returns
+    -------
+    bool
+
+    """
+    return callable(getattr(source.kind, 'devices', None))
 
 
 def _device_source(
@@ -151,16 +190,12 @@ def _device_source(
     )
 
 
-def _is_kind_of_device(source: InstalledSource) -> bool:
-    return callable(getattr(source.kind, 'devices', None))
-
-
 def _made(source: InstalledSource, make: Callable[[Values], Any], setting: Values) -> Any:
     """Call foreign code; what it raises beside the errors meant for the user names its package."""
 
     def own(name: str) -> Any:
         if any(one.name == name for one in source.settings):
-            return setting(_parameter(source, name))
+            return setting(parameter_name(source.name, name))
         if name in SHARED:
             return setting(name)
         raise KeyError(f'setting "{name}" is not declared')
@@ -176,5 +211,17 @@ def _made(source: InstalledSource, make: Callable[[Values], Any], setting: Value
         ) from error
 
 
-def _parameter(source: InstalledSource, name: str) -> str:
-    return name if source.name in UNPREFIXED else f'{source.name}.{name}'
+def parameter_name(source: str, setting: str) -> str:
+    """
+    Name the parameter of the bridge for a setting of a source.
+
+    Parameters
+    ----------
+    source, setting : str
+
+    Returns
+    -------
+    str
+
+    """
+    return setting if source in UNPREFIXED else f'{source}.{setting}'

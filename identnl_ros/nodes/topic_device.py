@@ -18,7 +18,7 @@ from typing import Any
 from identnl_ros.core.errors import DataError
 from identnl_ros.nodes.topic_clock import Numbered, TopicClock
 from identnl_ros.sources.device import Device, DeviceBlock, DeviceChannel, DeviceLost
-from identnl_ros.sources.setting import Setting
+from identnl_ros.sources.setting import Setting, without_empty
 import numpy as np
 import rclpy
 from rclpy.context import Context
@@ -115,45 +115,6 @@ class TopicDevice:
 
     def open(self) -> tuple[DeviceChannel, ...]:
         """Subscribe and wait for messages; see `Device`."""
-        self.close()
-        try:
-            return self._open()
-        except BaseException:
-            self.close()
-            raise
-
-    def read(self, timeout: float) -> DeviceBlock | None:
-        """Give the messages that have come; see `Device`."""
-        if self._node is None:
-            raise DeviceLost('it is not open')
-        if not self._ready:
-            try:
-                messages = [self._messages.get(timeout=max(timeout, 0.0))]
-            except queue.Empty:
-                self._look_for_publisher()
-                return None
-            time.sleep(COLLECTION_TIME)
-            while not self._messages.empty():
-                messages.append(self._messages.get())
-            self._published = time.monotonic()
-            self._ready.extend(self._blocks(messages))
-        return self._ready.popleft() if self._ready else None
-
-    def close(self) -> None:
-        """Let go of it; never raises."""
-        if self._executor is not None:
-            self._executor.shutdown()
-        if self._thread is not None:
-            self._thread.join()
-        if self._node is not None:
-            self._node.destroy_node()
-        if self._context is not None:
-            self._context.try_shutdown()
-        self._context = self._node = self._executor = self._thread = None
-        self._messages = queue.SimpleQueue()
-        self._ready.clear()
-
-    def _open(self) -> tuple[DeviceChannel, ...]:
         # Of its own, so that nothing of the node that reads it is touched.
         self._context = Context()
         rclpy.init(args=[], context=self._context)
@@ -196,6 +157,37 @@ class TopicDevice:
         self._published = time.monotonic()
         self._ready.extend(self._blocks(first))
         return tuple(DeviceChannel(f'{self._topic}.{one}', kind.unit) for one in kind.fields)
+
+    def read(self, timeout: float) -> DeviceBlock | None:
+        """Give the messages that have come; see `Device`."""
+        if self._node is None:
+            raise DeviceLost('it is not open')
+        if not self._ready:
+            try:
+                messages = [self._messages.get(timeout=max(timeout, 0.0))]
+            except queue.Empty:
+                self._look_for_publisher()
+                return None
+            time.sleep(COLLECTION_TIME)
+            while not self._messages.empty():
+                messages.append(self._messages.get())
+            self._published = time.monotonic()
+            self._ready.extend(self._blocks(messages))
+        return self._ready.popleft() if self._ready else None
+
+    def close(self) -> None:
+        """Let go of it; never raises."""
+        if self._executor is not None:
+            self._executor.shutdown()
+        if self._thread is not None:
+            self._thread.join()
+        if self._node is not None:
+            self._node.destroy_node()
+        if self._context is not None:
+            self._context.try_shutdown()
+        self._context = self._node = self._executor = self._thread = None
+        self._messages = queue.SimpleQueue()
+        self._ready.clear()
 
     def _published_type(self, end: float) -> str:
         while True:
@@ -297,25 +289,8 @@ class TopicDevices:
     )
 
     def devices(self, setting: Callable[[str], Any]) -> list[Device]:
-        """
-        Make the devices; they are opened later.
-
-        Parameters
-        ----------
-        setting : callable
-            Gives the value of a setting by its name.
-
-        Returns
-        -------
-        list of Device
-
-        Raises
-        ------
-        DataError
-            If no topic is given, or a type cannot be read.
-
-        """
-        entries = [one.strip() for one in setting('topics') if one.strip()]
+        """Make what the settings describe; see `KindOfDevice`."""
+        entries = without_empty(setting('topics'))
         if not entries:
             raise DataError('setting topics is empty; give topics such as ["/spindle/imu"]')
         devices: list[Device] = []

@@ -10,6 +10,9 @@ from identnl_ros.core.measurement.layout import Layout, Sensor
 from identnl_ros.reports.estimate_document import number
 import numpy as np
 
+# Standard errors to either side of 95 % of a normal distribution.
+INTERVAL = 1.96
+
 
 def calibration_document(
     layout: Layout, findings: Findings, channels: tuple[QuietChannel, ...]
@@ -43,6 +46,10 @@ def calibration_document(
                 'before': number(one.before),
                 'value': number(one.value),
                 'standard_error': number(one.standard_error),
+                'interval': [
+                    number(one.value + sign * INTERVAL * one.standard_error) for sign in (-1, 1)
+                ],
+                'shares': {name: number(share) for name, share in one.shares.items()},
                 'deviation': number(one.deviation),
                 'conspicuous': one.conspicuous,
             }
@@ -96,6 +103,7 @@ def unit_of(what: Property, sensor: Sensor) -> str:
         Property.DIRECTION: 'rad',
         Property.DELAY: 's',
         Property.OFFSET: recorded,
+        Property.FRONT_MASS: 'kg',
     }.get(what, unit)
 
 
@@ -106,7 +114,7 @@ def _quiet(one: QuietChannel) -> dict[str, Any]:
         'unit': one.sensor.kind.unit,
         'noise': number(one.noise),
         'noise_interval': [
-            number(one.noise * (1 + sign * 1.96 * one.relative_error)) for sign in (-1, 1)
+            number(one.noise * (1 + sign * INTERVAL * one.relative_error)) for sign in (-1, 1)
         ],
         'noise_density': number(one.density),
         'white': one.white,

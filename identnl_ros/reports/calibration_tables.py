@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-_MOTION = (Property.GAIN, Property.DIRECTION, Property.DELAY)
+_MOTION = (Property.GAIN, Property.DIRECTION, Property.DELAY, Property.FRONT_MASS)
 
 
 def show_calibration(
@@ -35,7 +35,7 @@ def show_calibration(
     sensors = {sensor.name: sensor for sensor in layout.sensors}
     found = [one for one in findings.calibrated if one.what in _MOTION]
     if found:
-        console.print(_calibrated('Gain, direction, delay', found, sensors))
+        console.print(_calibrated('Gain, direction, delay, front mass', found, sensors))
     if channels:
         rest = [one for one in findings.calibrated if one.what not in _MOTION]
         for table in _quiet(channels):
@@ -48,8 +48,8 @@ def show_calibration(
     wrong = sum(one.conspicuous for one in findings.calibrated if one.what in _MOTION)
     if wrong:
         console.print(
-            f'{wrong} of {len(found)} gains, directions and delays differ from the layout by more '
-            f'than {CONSPICUOUS:g} standard errors.'
+            f'{wrong} of {len(found)} gains, directions, delays and front masses differ from the '
+            f'layout by more than {CONSPICUOUS:g} standard errors.'
         )
     for doubt in findings.doubts:
         console.print(f'[bold red]In doubt:[/] {escape(doubt)}')
@@ -73,7 +73,7 @@ def _calibrated(title: str, found: list[Calibrated], sensors: dict[str, Sensor])
         axis = f' to {towards(one)}' if towards(one) else ''
         table.add_row(
             escape(one.sensor),
-            one.what.value + axis,
+            one.what.value.replace('_', ' ') + axis,
             _significant(one.before * size, 6),
             _significant(one.value * size, 6),
             _significant(one.standard_error * size, 2),
@@ -113,7 +113,8 @@ def _undetermined(findings: Findings) -> Iterator[str]:
     for one in findings.undetermined:
         groups.setdefault((one.what, one.reason), []).append(one.sensor)
     for (what, reason), names in groups.items():
-        yield f'{what.value.capitalize()} left as it is ({reason}): {", ".join(names)}'
+        title = what.value.replace('_', ' ').capitalize()
+        yield f'{title} left as it is ({reason}): {", ".join(names)}'
 
 
 def _table(title: str) -> Table:

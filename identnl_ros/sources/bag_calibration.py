@@ -4,16 +4,13 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 from identnl_ros.core.calibration.findings import corrected_layout, Findings, Property
+from identnl_ros.core.calibration.force_cell import calibrate_force_cell, KnownMass, ShakenMass
 from identnl_ros.core.calibration.known_input import (
     calibrate_amplitude,
-    calibrate_force_cell,
-    channel_of,
     KnownAmplitude,
-    KnownMass,
 )
 from identnl_ros.core.calibration.motion_calibration import ALL, calibrate_motion, STATED_NOISE
 from identnl_ros.core.calibration.quiet_findings import (
@@ -30,6 +27,12 @@ from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.equilibrium import static_equilibrium
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.sources.bag_runs import BagRuns
+from identnl_ros.sources.calibration_references import (
+    errors_found,
+    gain_errors,
+    meant_sensors,
+    ReferenceUncertainty,
+)
 from identnl_ros.sources.offline import machine_of_bag
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.layout_file import LayoutFile, load_layout
@@ -63,6 +66,9 @@ class CalibrationBags:
     masses : sequence of (Path, KnownMass)
     properties : collection of Property
         What to find from the motion.
+    uncertainties : sequence of ReferenceUncertainty
+        Of sensors that are trusted: references, accelerometers on a known mass, a force cell
+        that is shaken alone. Several of one sensor add up.
 
     """
 
@@ -72,6 +78,7 @@ class CalibrationBags:
     amplitudes: Sequence[tuple[Path, KnownAmplitude]] = ()
     masses: Sequence[tuple[Path, KnownMass]] = ()
     properties: frozenset[Property] = ALL
+    uncertainties: Sequence[ReferenceUncertainty] = ()
 
 
 @dataclass(frozen=True)
@@ -170,17 +177,24 @@ def calibrate_bags(
     for path, amplitude in bags.amplitudes:
         records = _records([path], file, problems)
         findings += calibrate_amplitude(records, records.layout, amplitude)
-    for path, mass in bags.masses:
-        records = _records([path], file, problems)
-        noisy = _chosen(known_noise, records.layout)
-        findings += calibrate_force_cell(records, noisy, mass, uncertainty)
+    trusted = meant_sensors(layout, bags.references)
+    used = {*trusted, *(name for _, mass in bags.masses for name in mass.accelerometers)}
+    used |= {mass.cell for _, mass in bags.masses if not mass.mass}
+    errors = gain_errors(layout, bags.uncertainties, used) | errors_found(findings)
+    of_cells = Findings()
+    for cell in dict.fromkeys(mass.cell for _, mass in bags.masses):
+        shaken = []
+        for path, mass in bags.masses:
+            if mass.cell == cell:
+                records = _records([path], file, problems)
+                corrected = _corrected_by(findings, known_noise, records.layout)
+                shaken.append(ShakenMass(mass, _Corrected(records, corrected), corrected))
+        of_cells += calibrate_force_cell(shaken, uncertainty, errors)
+    findings += of_cells
     _check_once(findings)
-    trusted: tuple[str, ...] = ()
     if bags.motion:
         records = _records(bags.motion, file, problems)
-        corrected = corrected_layout(_chosen(known_noise, records.layout), findings.calibrated)
-        corrected = _noise_by_gain(corrected, layout)
-        trusted = _trusted(corrected, bags.references)
+        corrected = _corrected_by(findings, known_noise, records.layout)
         model = _model(records.bags[0], machine_path)
         findings += calibrate_motion(
             model,
@@ -190,6 +204,7 @@ def calibrate_bags(
             bags.properties,
             uncertainty,
             [one.sensor for one in findings.calibrated if one.what is Property.GAIN],
+            errors | errors_found(findings),
         )
     if quiet is not None:
         findings += _of_quiet(quiet, channels, findings, machine_path)
@@ -285,8 +300,10 @@ def _chosen(layout: Layout, like: Layout) -> Layout:
     return replace(layout, sensors=tuple(sensors[one.name] for one in like.sensors))
 
 
-def _noise_by_gain(corrected: Layout, layout: Layout) -> Layout:
-    """Noise is that of the recorded numbers: in SI it follows a gain that was found."""
+def _corrected_by(findings: Findings, known_noise: Layout, like: Layout) -> Layout:
+    """Put what was found into the sensors of a record; their noise in SI follows the gain."""
+    layout = _chosen(known_noise, like)
+    corrected = corrected_layout(layout, findings.calibrated)
     gains = {sensor.name: sensor.gain for sensor in layout.sensors}
     return replace(
         corrected,
@@ -299,21 +316,6 @@ def _noise_by_gain(corrected: Layout, layout: Layout) -> Layout:
             for one in corrected.sensors
         ),
     )
-
-
-def _trusted(layout: Layout, references: Sequence[str]) -> tuple[str, ...]:
-    """Find the sensors that names, patterns and kinds mean."""
-    found: dict[str, None] = {}
-    for reference in references:
-        chosen = [
-            sensor.name
-            for sensor in layout.sensors
-            if fnmatchcase(sensor.name, reference) or sensor.kind.value == reference
-        ]
-        if not chosen:
-            channel_of(layout, reference)
-        found |= dict.fromkeys(chosen)
-    return tuple(found)
 
 
 def _check_once(findings: Findings) -> None:

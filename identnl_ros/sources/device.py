@@ -57,7 +57,9 @@ class Device(Protocol):
     """
     A device with one sample clock.
 
-    A device is opened, read until it is closed or lost, and may be opened again after that.
+    A device is opened, read until it is closed or lost, and may be opened again after that. It
+    is closed before it is opened again, also where `open` or `read` have raised: what they have
+    begun need only be let go in `close`.
 
     """
 

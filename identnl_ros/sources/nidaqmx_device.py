@@ -8,13 +8,13 @@ Written to the documentation of the package nidaqmx; it has never run with hardw
 
 from collections.abc import Callable
 import contextlib
-import importlib
 import time
 from typing import Any
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.sources.device import Device, DeviceBlock, DeviceChannel, DeviceLost
-from identnl_ros.sources.setting import Setting
+from identnl_ros.sources.setting import Setting, without_empty
+from identnl_ros.storage.optional_library import library
 import numpy as np
 
 _BUFFER = 10.0  # [s]
@@ -79,7 +79,6 @@ class NiDaqDevice:
 
     def open(self) -> tuple[DeviceChannel, ...]:
         """Configure and start the task; see `Device`."""
-        self.close()
         ni = self._ni
         try:
             task = self._task = ni.Task()
@@ -96,10 +95,8 @@ class NiDaqDevice:
             task.start()
             self._start_ns = time.time_ns()
         except ni.errors.DaqNotFoundError as error:
-            self.close()
             raise _no_driver(error) from None
         except ni.errors.Error as error:
-            self.close()
             if self._is_absent(error):
                 raise DeviceLost(f'it does not answer: {_words(error)}') from None
             raise DataError(f'it cannot be used as set: {_words(error)}') from None
@@ -179,28 +176,8 @@ class NiDaqDevices:
     )
 
     def devices(self, setting: Callable[[str], Any]) -> list[Device]:
-        """
-        Make the device; it is opened later.
-
-        Parameters
-        ----------
-        setting : callable
-            Gives the value of a setting by its name.
-
-        Returns
-        -------
-        list of Device
-
-        Raises
-        ------
-        DataError
-            If no channel is given, or nidaqmx is not installed.
-
-        """
-        voltage, iepe = (
-            tuple(one.strip() for one in setting(name) if one.strip())
-            for name in ('voltage', 'iepe')
-        )
+        """Make what the settings describe; see `KindOfDevice`."""
+        voltage, iepe = (without_empty(setting(name)) for name in ('voltage', 'iepe'))
         if not voltage and not iepe:
             raise DataError(
                 'settings voltage and iepe are empty; give physical channels such as '
@@ -220,16 +197,9 @@ class NiDaqDevices:
 
 
 def _package() -> Any:
-    try:
-        package = importlib.import_module('nidaqmx')
-        for name in ('constants', 'error_codes', 'errors', 'stream_readers'):
-            importlib.import_module(f'nidaqmx.{name}')
-    except ImportError as error:
-        raise DataError(
-            f'nidaqmx cannot be imported ({error}); '
-            'install it: python -m pip install "identnl_ros[nidaqmx]"'
-        ) from None
-    return package
+    for module in ('constants', 'error_codes', 'errors', 'stream_readers'):
+        library(f'nidaqmx.{module}', 'nidaqmx', 'NI-DAQmx devices')
+    return library('nidaqmx', 'nidaqmx', 'NI-DAQmx devices')
 
 
 def _no_driver(error: Exception) -> DataError:

@@ -3,7 +3,6 @@
 """Connection to an openDAQ device by its address."""
 
 from collections import Counter
-import importlib
 import re
 from typing import Any
 
@@ -15,29 +14,6 @@ _STREAMINGS = {'OpenDAQNativeStreaming': 'daq.ns', 'OpenDAQLTStreaming': 'daq.lt
 _ADDRESS = re.compile(r'(?P<kind>[\w.]+)://(?P<host>\[[^]]*\]|[^:/]*)(:(?P<port>\d+))?')
 _SEARCHED = 'daq'  # the SDK looks such devices up in the network, by multicast DNS
 _RATES = ('SampleRate', 'GlobalSampleRate')  # names of the property; the standard has none
-
-
-def load_sdk() -> Any:
-    """
-    Import the openDAQ SDK.
-
-    Returns
-    -------
-    module
-
-    Raises
-    ------
-    DataError
-        If it is not installed.
-
-    """
-    try:
-        return importlib.import_module('opendaq')
-    except ImportError as error:
-        raise DataError(
-            f'the openDAQ SDK cannot be imported ({error}); '
-            'install it: python -m pip install "identnl_ros[opendaq]"'
-        ) from None
 
 
 class Connection:

@@ -10,8 +10,9 @@ from typing import Any
 from identnl_ros.core.errors import DataError
 from identnl_ros.sources.device import Device, DeviceBlock, DeviceChannel, DeviceLost
 from identnl_ros.sources.opendaq_clock import clock_of, DomainClock
-from identnl_ros.sources.opendaq_connection import Connection, load_sdk
-from identnl_ros.sources.setting import Setting
+from identnl_ros.sources.opendaq_connection import Connection
+from identnl_ros.sources.setting import Setting, without_empty
+from identnl_ros.storage.optional_library import library
 import numpy as np
 
 _MOST_SAMPLES = 1 << 16  # of one read
@@ -67,25 +68,20 @@ class OpenDaqDevice:
 
     def open(self) -> tuple[DeviceChannel, ...]:
         """Connect and begin to sample; see `Device`."""
-        self.close()
-        try:
-            self._connection = Connection(self._sdk, self._address)
-            if self._wanted_rate > 0:
-                self._connection.set_sample_rate(self._wanted_rate)
-            signals = self._chosen(self._connection.signals)
-            clock = self._common_clock(signals)
-            if self._wanted_rate > 0 and abs(clock.sample_rate / self._wanted_rate - 1) > 1e-9:
-                raise DataError(
-                    f'it samples at {clock.sample_rate:g} Hz although '
-                    f'{self._wanted_rate:g} Hz was set; give a rate that it has'
-                )
-            if clock != self._clock:
-                self._clock, self._origin_ns = clock, clock.origin_ns
-            self._reader = self._make_reader(list(signals.values()))
-            return tuple(DeviceChannel(name, _unit(signal)) for name, signal in signals.items())
-        except BaseException:
-            self.close()
-            raise
+        self._connection = Connection(self._sdk, self._address)
+        if self._wanted_rate > 0:
+            self._connection.set_sample_rate(self._wanted_rate)
+        signals = self._chosen(self._connection.signals)
+        clock = self._common_clock(signals)
+        if self._wanted_rate > 0 and abs(clock.sample_rate / self._wanted_rate - 1) > 1e-9:
+            raise DataError(
+                f'it samples at {clock.sample_rate:g} Hz although '
+                f'{self._wanted_rate:g} Hz was set; give a rate that it has'
+            )
+        if clock != self._clock:
+            self._clock, self._origin_ns = clock, clock.origin_ns
+        self._reader = self._make_reader(list(signals.values()))
+        return tuple(DeviceChannel(name, _unit(signal)) for name, signal in signals.items())
 
     def read(self, timeout: float) -> DeviceBlock | None:
         """Give the samples that have come; see `Device`."""
@@ -212,32 +208,15 @@ class OpenDaqDevices:
     )
 
     def devices(self, setting: Callable[[str], Any]) -> list[Device]:
-        """
-        Make the devices; they are opened later.
-
-        Parameters
-        ----------
-        setting : callable
-            Gives the value of a setting by its name.
-
-        Returns
-        -------
-        list of Device
-
-        Raises
-        ------
-        DataError
-            If no address is given, or the SDK is not installed.
-
-        """
-        addresses = [one.strip() for one in setting('connection') if one.strip()]
+        """Make what the settings describe; see `KindOfDevice`."""
+        addresses = without_empty(setting('connection'))
         if not addresses:
             raise DataError(
                 'setting connection is empty; give the connection strings of the openDAQ devices, '
                 'such as ["daq.nd://192.168.1.5:7420"]'
             )
-        sdk = load_sdk()
-        channels = tuple(one.strip() for one in setting('channels') if one.strip())
+        sdk = library('opendaq', 'opendaq', 'openDAQ devices')
+        channels = without_empty(setting('channels'))
         return [
             OpenDaqDevice(address, channels, setting('sample_rate'), sdk)
             for address in dict.fromkeys(addresses)

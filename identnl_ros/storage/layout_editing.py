@@ -210,6 +210,9 @@ def _values(
             case Property.DELAY:
                 unit = unit or 'us'
                 scale = convert(1.0, 's', unit)
+            case Property.FRONT_MASS:
+                unit = unit or 'kg'
+                scale = convert(1.0, 'kg', unit)
             case Property.OFFSET:
                 scale = convert(1.0, old.recorded_unit, unit) if unit else 1.0
             case _:

@@ -165,6 +165,15 @@ def test_a_layout_that_the_bag_was_not_recorded_with_is_refused(stand, identnl, 
         (('--known-mass', 'motion.mcap', 'cell=5 kg'), 'expected CELL=MASS'),
         (('--known-mass', 'motion.mcap', 'probe=5 kg: flow'), 'expected a sensor of force'),
         (('--quiet', 'missing.mcap'), 'missing.mcap'),
+        (
+            ('--motion', 'motion.mcap', '--reference-uncertainty', 'flow=1 %'),
+            'flow: an uncertainty is given, but the sensor is no reference',
+        ),
+        (
+            ('--motion', 'motion.mcap', '--reference-uncertainty', 'flow'),
+            'expected SENSOR=UNCERTAINTY',
+        ),
+        (('--known-mass', 'motion.mcap', 'cell=-1 kg: flow'), 'at least 0'),
     ],
 )
 def test_wrong_use_is_told_in_a_sentence(stand, identnl, arguments, message):
@@ -182,6 +191,130 @@ def test_a_quiet_record_alone_is_shown_in_tables(stand, identnl):
     assert found.exit_code == 0, found.stderr
     assert 'Quiet record: displacement [m]' in found.stdout
     assert 'not quiet' not in found.stdout
+
+
+def gains(found):
+    return {one['sensor']: one for one in found['calibrated'] if one['property'] == 'gain'}
+
+
+def test_the_uncertainty_of_references_is_contained_and_told(stand, document):
+    folder, _ = stand
+    arguments = (
+        'calibrate', folder / 'layout.yaml', '--quiet', folder / 'quiet.mcap',
+        '--motion', folder / 'motion.mcap', '--reference', 'speed',
+    )  # fmt: skip
+    exact = document(*arguments)
+    known = document(*arguments, '--reference-uncertainty', 'velocity=0.5 % of laser')
+    assert any('gain of speed is not given' in one for one in exact['remarks'])
+    assert any('contain the uncertainty of the gain of speed' in one for one in known['remarks'])
+    for name, gain in gains(known).items():
+        # The only reference: its error is that of every gain, the probe's too.
+        assert gain['shares'] == {'laser': pytest.approx(0.005 * gain['value'], rel=1e-3)}
+        own = gains(exact)[name]['standard_error']
+        together = np.hypot(own, gain['shares']['laser'])
+        assert gain['standard_error'] == pytest.approx(together, rel=1e-2)
+        assert gain['interval'] == pytest.approx(
+            [gain['value'] - 1.96 * together, gain['value'] + 1.96 * together], rel=1e-3
+        )
+    assert gains(known).keys() == {'probe', 'flow', 'block'}
+
+
+HUNG = """\
+machine: hung
+bodies:
+  block: {{mass: {mass} kg, centre_of_mass: [0, 0, 0], degrees_of_freedom: [translation_1]}}
+joints: {{}}
+excitations:
+  exciter: {{body: block, point: [0, 0, 0], direction: +x, amplitude: {amplitude} N,
+            frequency: 40 Hz, band: [10 Hz, 200 Hz]}}
+"""
+HUNG_LAYOUT = """\
+sample_rate: 5 kHz
+sensors:
+  cell:
+    kind: force
+    excitation: exciter
+    unit: V
+    gain: 2 mV/N
+    noise: 0.05 N
+    front_mass: 150 g   # by the drawing
+  ring: {kind: acceleration, body: block, point: [0, 0, 0], direction: +x, noise: 0.02}
+"""
+
+
+@pytest.fixture(scope='module')
+def hung(tmp_path_factory):
+    """Write bags of two masses on a cell with another gain and front mass than is stated."""
+    folder = tmp_path_factory.mktemp('hung')
+    (folder / 'layout.yaml').write_text(HUNG_LAYOUT, 'utf-8')
+    file = load_layout(folder / 'layout.yaml')
+    cell, ring = file.layout.sensors
+    actual = replace(file.layout, sensors=(replace(cell, gain=2.1e-3, front_mass=0.2), ring))
+    runs = ((5, Excitation.MULTISINE), (1, Excitation.MULTISINE), (2, Excitation.SINE))
+    for mass, excitation in runs:
+        path = folder / f'hung_{mass}.yaml'
+        path.write_text(HUNG.format(mass=mass, amplitude=10 * mass), 'utf-8')
+        machine = load_machine(path)
+        source = SimulatedSource(
+            machine.machine, file.layout, TestRun(excitation, 1.0, 5000.0, seed=mass),
+            machine.text, file.text, actual=Description(machine.machine, actual),
+        )  # fmt: skip
+        with BagWriter(folder / f'{mass}.mcap') as bag:
+            bag.write_description(source.description)
+            for block in source.blocks():
+                bag.write_block(block)
+    return folder
+
+
+def test_masses_on_a_cell_write_its_front_mass(hung, document, tmp_path):
+    out = tmp_path / 'out.yaml'
+    found = document(
+        'calibrate', hung / 'layout.yaml', '--out', out,
+        '--known-mass', hung / '5.mcap', 'cell=5 kg +- 0.1 % of scale: ring',
+        '--known-mass', hung / '1.mcap', 'cell=1000 g +- 0.1 % of scale: ring',
+        '--reference-uncertainty', 'ring=1 %',
+    )  # fmt: skip
+    assert found['agrees'], found['doubts']
+    errors = {one['property']: one for one in found['calibrated']}
+    cell = load_layout(out).layout.sensors[0]
+    for key, right in (('gain', 2.1e-3), ('front_mass', 0.2)):
+        assert abs(getattr(cell, key) - right) < 4 * errors[key]['standard_error'], key
+        assert errors[key]['shares'].keys() >= {'scale', 'gain of ring'}
+    assert errors['gain']['standard_error'] == pytest.approx(2.1e-3 * 0.01, rel=0.05)
+    assert errors['front_mass']['unit'] == 'kg'
+    assert errors['front_mass']['standard_error'] < 2e-3
+    line = next(one for one in out.read_text('utf-8').splitlines() if 'front_mass:' in one)
+    assert line.endswith(' g   # by the drawing')
+
+
+def test_a_gain_by_a_calibrator_and_its_uncertainty_count_for_the_cell(hung, document):
+    # The sine of 10 m/s^2 is 7.07 rms; by a calibrator that is said to make 7.5 the ring is low.
+    found = document(
+        'calibrate', hung / 'layout.yaml',
+        '--known', hung / '2.mcap', 'ring=7.5 m/s^2 +- 2 % of table @ 40 Hz',
+        '--known-mass', hung / '5.mcap', 'cell=5 kg +- 0.1 %: ring',
+        '--known-mass', hung / '1.mcap', 'cell=1 kg +- 0.1 %: ring',
+    )  # fmt: skip
+    ring, cell = (gains(found)[name] for name in ('ring', 'cell'))
+    assert ring['value'] == pytest.approx(np.sqrt(50) / 7.5, rel=1e-3)
+    # Less motion than the ring read before: more force per acceleration.
+    assert cell['value'] == pytest.approx(2.1e-3 * ring['value'], rel=3e-3)
+    # If the table makes more than it says, both gains are too high.
+    for gain in (ring, cell):
+        assert gain['shares']['table'] == pytest.approx(0.02 * gain['value'], rel=0.01)
+    front = next(one for one in found['calibrated'] if one['property'] == 'front_mass')
+    assert abs(front['value'] - 0.2) < 4 * front['standard_error']
+    assert abs(front['shares']['table']) < 1e-4
+
+
+def test_one_mass_leaves_the_front_mass_as_stated(hung, document):
+    found = document(
+        'calibrate', hung / 'layout.yaml', '--known-mass', hung / '5.mcap', 'cell=5 kg: ring'
+    )
+    assert {one['property'] for one in found['calibrated']} == {'gain', 'delay'}
+    # 50 g that the layout does not know of count as gain.
+    gain = gains(found)['cell']
+    assert abs(gain['value'] - 2.1e-3 * 5.2 / 5.15) < 4 * gain['standard_error']
 
 
 def values():

@@ -4,13 +4,8 @@
 
 from dataclasses import replace
 
-from identnl_ros.core.calibration.findings import corrected_layout, Property
-from identnl_ros.core.calibration.known_input import (
-    calibrate_amplitude,
-    calibrate_force_cell,
-    KnownAmplitude,
-    KnownMass,
-)
+from identnl_ros.core.calibration.findings import corrected_layout
+from identnl_ros.core.calibration.known_input import calibrate_amplitude, KnownAmplitude
 from identnl_ros.core.calibration.motion_calibration import across, calibrate_motion
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.layout import Layout, Sensor
@@ -20,92 +15,31 @@ from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.simulation.stand import SimulatedStand
 import numpy as np
 import pytest
-from scipy.stats import binom
 
 from tests.core import weak_runs
+from tests.core.calibration_runs import (
+    assert_intervals_hold,
+    changed,
+    COUNT,
+    DELAY,
+    DIRECTION,
+    errors_of,
+    found_of,
+    GAIN,
+    motion,
+    OMEGA,
+    RATE,
+    readings,
+    record,
+)
 from tests.core.machines import line_layout, oscillator
 from tests.core.weak_runs import A, D, F, V
 from tests.reference_machines import complete_layout, knee_and_column
 
-RATE = 5000.0
-COUNT = 3000
-FREQUENCIES = np.arange(5.0, 200.0, 2.5)
-OMEGA = 2 * np.pi * FREQUENCIES
-ORDER = {D: 0, V: 1, A: 2}
 RUNS = 60
 BLOCK = assemble(oscillator())
 LINE = line_layout(kinds=(D, V, A), noise={D: 1e-8, V: 2e-6, A: 1e-2, F: 0.1})
 MACHINE = assemble(knee_and_column())
-GAIN, DIRECTION, DELAY = Property.GAIN, Property.DIRECTION, Property.DELAY
-
-
-def motion(model, coordinates=None):
-    """Complex displacements of the coordinates; accelerations of 0.1 a line."""
-    generator = np.random.default_rng(0)
-    shape = (len(model.coordinates), len(OMEGA))
-    random = generator.normal(size=shape) + 1j * generator.normal(size=shape)
-    if coordinates is not None:
-        random[np.setdiff1d(np.arange(len(random)), coordinates)] = 0.0
-    return random * 0.1 / OMEGA**2
-
-
-def readings(model, actual, amplitudes, count=COUNT):
-    """Closed-form SI readings of sensors as they are, understood by a layout of gain 1."""
-    time = np.arange(count) / RATE
-    samples = np.zeros((count, len(actual.sensors)))
-    for i, sensor in enumerate(actual.sensors):
-        if sensor.kind is F:
-            continue
-        lines = (sensor_matrix(model, (sensor,))[0] @ amplitudes) * (1j * OMEGA) ** ORDER[
-            sensor.kind
-        ]
-        moved = (np.exp(1j * np.outer(time - sensor.delay, OMEGA)) @ lines).real
-        samples[:, i] = sensor.gain * moved + sensor.offset
-    return samples
-
-
-def noisy(samples, layout, seed):
-    noise = np.array([sensor.noise for sensor in layout.sensors])
-    return samples + noise * np.random.default_rng(seed).standard_normal(samples.shape)
-
-
-def record(samples, layout, seed=1):
-    return MeasuredRecord(layout, RATE, noisy(samples, layout, seed))
-
-
-def changed(layout, name, **changes):
-    return Layout(
-        tuple(replace(one, **changes) if one.name == name else one for one in layout.sensors)
-    )
-
-
-def found_of(findings, sensor):
-    return {one.what: one for one in findings.calibrated if one.sensor == sensor}
-
-
-def errors_of(findings, actual, declared):
-    """Errors over standard errors, by property."""
-    truth = {one.name: one for one in actual.sensors}
-    stated = {one.name: one for one in declared.sensors}
-    result = {}
-    for one in findings.calibrated:
-        sensor = truth[one.sensor]
-        if one.what is DIRECTION:
-            along = sensor.direction @ stated[one.sensor].direction
-            right = np.arctan2(sensor.direction @ one.axis, along)
-        else:
-            right = getattr(sensor, one.what.value)
-        result.setdefault(one.what, []).append((one.value - right) / one.standard_error)
-    return result
-
-
-def assert_intervals_hold(scores):
-    scores = np.asarray(scores)
-    inside = int((np.abs(scores) < 1.96).sum())
-    assert inside >= binom.ppf(1e-3, len(scores), 0.95), inside
-    assert abs(scores.mean()) < 4 / np.sqrt(len(scores))
-    # Nor are the intervals wider than need be.
-    assert np.sqrt(np.mean(scores**2)) > 0.75
 
 
 def test_gain_and_delay_are_at_the_bound_with_intervals_that_hold():
@@ -284,34 +218,6 @@ def test_a_line_that_is_not_there_is_no_amplitude():
         calibrate_amplitude(
             [record(np.zeros((4000, 1)), layout)], layout, KnownAmplitude('ring', 10.0, 159.0)
         )
-
-
-def test_a_known_mass_gives_gain_and_delay_of_the_force_cell():
-    cell = Sensor('cell', F, excitation='exciter', noise=0.1, front_mass=0.2)
-    layout = Layout(
-        (cell, Sensor('up', A, 'block', noise=0.05), Sensor('down', A, 'block', noise=0.05))
-    )
-    time = np.arange(COUNT) / RATE
-    lines = np.arange(10, 200, 10.0)
-
-    def acceleration(delay):
-        return 2 * np.sin(2 * np.pi * np.outer(time - delay, lines) + lines).sum(axis=1)
-
-    # 5 kg hang on the cell, whose own 0.2 kg in front move too; one accelerometer is upside down.
-    clean = np.stack(
-        (1.05 * 5.2 * acceleration(30e-6), acceleration(0.0), -acceleration(0.0)), axis=1
-    )
-    gains, delays = [], []
-    for seed in range(RUNS):
-        findings = calibrate_force_cell(
-            [record(clean, layout, seed)], layout, KnownMass('cell', 5.0, ('up', 'down'))
-        )
-        found = found_of(findings, 'cell')
-        gains.append((found[GAIN].value - 1.05) / found[GAIN].standard_error)
-        delays.append((found[DELAY].value - 30e-6) / found[DELAY].standard_error)
-    assert not findings.doubts
-    assert_intervals_hold(gains)
-    assert_intervals_hold(delays)
 
 
 def test_a_calibrated_stand_identifies_what_an_uncalibrated_one_misses():

@@ -14,6 +14,7 @@ import sys
 from identnl_msgs.msg import SampleBlock
 from identnl_ros.core.errors import IdentnlError
 from identnl_ros.nodes.device_health import device_health
+from identnl_ros.nodes.launch_plan import plan
 from identnl_ros.nodes.source_choice import make_source, SETTINGS, settings_of_sources
 from identnl_ros.sources.device_state import DeviceState
 from identnl_ros.sources.registry import installed_sources
@@ -175,6 +176,43 @@ def test_stream_of_a_device_that_comes_back_identifies_the_machine(start, watche
     values = {one.name: one.value for one in final.parameters}
     for name in ('mass.mass', 'spring.stiffness', 'spring.cubic_stiffness'):
         assert values[name] == pytest.approx(truth[name], rel=2e-3)
+
+
+def test_stand_with_a_device_is_launched_by_arguments_and_a_parameter_file(
+    start, watcher, stand, monkeypatch
+):
+    for path in (stand.folder, EXAMPLE):
+        monkeypatch.syspath_prepend(path)
+    installed_sources.cache_clear()
+    file = stand.folder / 'bench.yaml'
+    file.write_text(
+        'identifier: {ros__parameters: {estimator: weak, publish_rate: 5}}\n'
+        '/bench/sensor_bridge:\n  ros__parameters:\n    device_silence: 60\n'
+        f'    udp: {{port: {stand.port}, sample_rate: 500, channels: "V2:V, V1:mV"}}\n'
+    )
+    given = {
+        'namespace': 'bench', 'parameters': str(file), 'source': 'udp',
+        'machine_file': str(MACHINE), 'layout_file': str(stand.layout),
+        'udp.sample_rate': '1e3', 'wait_timeout': '60',
+    }  # fmt: skip
+    nodes = plan(given)
+    installed_sources.cache_clear()
+    processes = [start(node.executable, **node.parameters) for node in nodes]
+    watcher.until(lambda: watcher.health.get('bench/sensor_bridge: stream') and {
+        'progress of /bench/transform [samples]', 'progress of /bench/identifier [samples]',
+    } <= watcher.health['bench/sensor_bridge: stream'].values.keys(), 60)  # fmt: skip
+    stand.send(PART).wait(60)
+    *consumers, bridge = processes
+    bridge.signal(signal.SIGTERM)
+    final = watcher.final_estimate(240)
+    for process in (bridge, *consumers):
+        process.signal(signal.SIGTERM)
+        assert process.exit_code() == 0, process.output
+    truth = stand.source.truth
+    assert final.estimator == 'weak'
+    for one in final.parameters:
+        assert one.status == one.STATUS_OK, one.note
+        assert abs(one.value - truth[one.name]) < 5 * one.standard_deviation, one.name
 
 
 def test_samples_that_come_while_the_bridge_is_inactive_are_lost(start, watcher, stand):

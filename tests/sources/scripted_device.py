@@ -44,10 +44,12 @@ class ScriptedDevice:
         self.items: queue.Queue[DeviceBlock | Exception] = queue.Queue()
         self.openings = openings or []
         self.opened = self.closed = 0
+        self.calls: list[str] = []
         self.reopened = threading.Event()
 
     def open(self) -> tuple[DeviceChannel, ...]:
         self.opened += 1
+        self.calls.append('open')
         match self.openings.pop(0) if self.openings else None:
             case None:
                 pass
@@ -70,6 +72,7 @@ class ScriptedDevice:
 
     def close(self) -> None:
         self.closed += 1
+        self.calls.append('close')
 
     def give(self, first_index: int, samples: np.ndarray, stamp_ns: int | None = None) -> None:
         """Deliver samples, by default with the stamps of an ideal clock since `BEGIN`."""

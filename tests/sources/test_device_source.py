@@ -4,6 +4,7 @@
 """Devices become a stream of SI samples that survives whatever the devices do."""
 
 import threading
+import time
 
 from identnl_ros.core.errors import DataError, LayoutError
 from identnl_ros.core.measurement.blocks import ChannelStatus
@@ -187,8 +188,13 @@ def test_device_without_a_sensor_is_not_used(stream, device):
     ],
 )
 def test_device_that_cannot_be_opened_is_told(opening, kind, words):
+    device = ScriptedDevice({'a': '', 'b': ''}, openings=[opening])
     with pytest.raises(kind, match=words):
-        DeviceSource([ScriptedDevice({'a': '', 'b': ''}, openings=[opening])], layout())
+        DeviceSource([device], layout())
+    end = time.monotonic() + 5
+    while 'close' not in device.calls and time.monotonic() < end:
+        time.sleep(0.01)
+    assert device.calls == ['open', 'close']
 
 
 def test_single_device_keeps_its_rate(device):
@@ -218,6 +224,8 @@ def test_stream_goes_on_after_a_loss_as_far_as_time_has_passed(stream, device, l
     before += run.take(1)  # what had come when it was lost
     assert [len(block.samples) for block in before] == [50, 10]
     assert device.reopened.wait(10)
+    # Closed before each opening, also after one that failed, so that no device need clean up.
+    assert device.calls == ['open', 'close', 'open', 'close', 'open', 'close', 'open']
     assert run.source.devices[0].problem
     device.give_now(0, ramp(0, SIZE))
     (after,) = run.take(1)

@@ -52,9 +52,9 @@ def test_missing_driver_is_told_with_what_to_install():
         pytest.skip('the driver NI-DAQmx is installed here')
     with pytest.raises(DataError, match=r'NI-DAQmx is not installed .* nidaqmx installdriver'):
         made.open()
+    made.close()
     with pytest.raises(DeviceLost, match='not open'):
         made.read(0.0)
-    made.close()
 
 
 def test_no_channel_is_refused_in_words():

@@ -124,6 +124,7 @@ def test_changed_device_is_opened_again_and_says_what_it_is_now(server, device, 
     read(device, PERIOD)
     server.command(change)
     assert 'was changed' in until_lost(device)
+    device.close()
     channels = device.open()
     assert_values_are_those_of_the_index(read(device, PERIOD))
     assert (channels[0].unit, device.sample_rate) in {('kN', 10000.0), ('N', 20000.0)}
@@ -146,8 +147,10 @@ def test_killed_device_is_lost_and_found_again_where_its_clock_is(server, device
     (*_, before) = read(device, PERIOD)
     server.kill()
     assert 'the connection is down' in until_lost(device)
+    device.close()
     with pytest.raises(DeviceLost, match='does not answer'):
         device.open()
+    device.close()
     again = server.again(begin=BEGIN + 10 * RATE)
     try:
         device.open()

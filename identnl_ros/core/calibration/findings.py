@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a calibration finds: numbers with errors, and what the data do not tell."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -23,6 +23,7 @@ class Property(Enum):
     OFFSET = 'offset'
     NOISE = 'noise'
     RESOLUTION = 'resolution'
+    FRONT_MASS = 'front_mass'
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,10 @@ class Calibrated:
         In the same unit; NaN: not known.
     axis : ndarray, shape (3,)
         Of a direction: the unit vector, across the layout's direction, that it leans to.
+    shares : mapping of str to float
+        What the uncertainty of each reference adds to the error, by the reference's name: the
+        error, with its sign, for one standard deviation. They are part of the standard error,
+        and what numbers have of one reference in common.
 
     """
 
@@ -52,6 +57,7 @@ class Calibrated:
     value: float
     standard_error: float
     axis: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    shares: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def deviation(self) -> float:
@@ -59,6 +65,18 @@ class Calibrated:
         if not self.standard_error > 0:
             return float('nan')
         return (self.value - self.before) / self.standard_error
+
+    @property
+    def own_error(self) -> float:
+        """The standard error without the references' shares."""
+        of_references = sum(share**2 for share in self.shares.values())
+        return float(np.sqrt(max(self.standard_error**2 - of_references, 0.0)))
+
+    @property
+    def relative_errors(self) -> dict[str, float]:
+        """Errors over the value for one standard deviation, by what they come from."""
+        errors = {f'record of {self.sensor}': self.own_error, **self.shares}
+        return {name: error / self.value for name, error in errors.items() if error}
 
     @property
     def conspicuous(self) -> bool:

@@ -1,18 +1,14 @@
 # Copyright 2026 The identnl_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Gains from known inputs: a calibrator's amplitude, a freely hung mass."""
+"""Gains from a calibrator whose amplitude is known."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 from identnl_ros.core.calibration.findings import Calibrated, Findings, Property
-from identnl_ros.core.calibration.motion_calibration import calibrate_motion, STATED_NOISE
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
+from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
-from identnl_ros.core.mechanics.assembly import assemble
-from identnl_ros.core.mechanics.coefficients import Coefficient
-from identnl_ros.core.mechanics.machine import Body, Machine
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
@@ -27,7 +23,6 @@ FEWEST_PERIODS = 20
 PARTS = 8
 # Of the amplitude's standard deviation between the parts, relative, from which on it is told.
 UNSTEADY = 0.01
-_MASS = 'mass'
 
 
 @dataclass(frozen=True)
@@ -44,6 +39,8 @@ class KnownAmplitude:
         [Hz]; None: the strongest line.
     relative_error : float
         Standard uncertainty of the amplitude over it.
+    standard : str
+        What the uncertainty comes from, which others may have in common; empty: this alone.
 
     """
 
@@ -51,29 +48,7 @@ class KnownAmplitude:
     amplitude: float
     frequency: float | None = None
     relative_error: float = 0.0
-
-
-@dataclass(frozen=True)
-class KnownMass:
-    """
-    A mass that hangs freely on a force cell.
-
-    Parameters
-    ----------
-    cell : str
-    mass : float
-        Without the cell's own front mass [kg].
-    accelerometers : tuple of str
-        Trusted sensors on the mass, along the axis of the cell.
-    relative_error : float
-        Standard uncertainty of the mass over it.
-
-    """
-
-    cell: str
-    mass: float
-    accelerometers: tuple[str, ...]
-    relative_error: float = 0.0
+    standard: str = ''
 
 
 def calibrate_amplitude(
@@ -123,6 +98,10 @@ def calibrate_amplitude(
     factor = amplitude / known.amplitude
     relative = float(np.hypot(np.sqrt(error) / amplitude, known.relative_error))
     gain = sensor.gain * factor
+    shares = {}
+    if known.relative_error:
+        name = known.standard or f'calibrator of {known.sensor}'
+        shares[name] = gain * known.relative_error
     remarks = [
         f'{known.sensor}: {amplitude:.6g} {sensor.kind.unit} rms at {frequency:.6g} Hz by the '
         f'layout, {known.amplitude:.6g} known.'
@@ -138,75 +117,9 @@ def calibrate_amplitude(
             'error is that of the record alone.'
         )
     calibrated = Calibrated(
-        known.sensor, Property.GAIN, sensor.gain, gain, abs(gain) * relative
-    )  # fmt: skip
+        known.sensor, Property.GAIN, sensor.gain, gain, abs(gain) * relative, shares=shares
+    )
     return Findings((calibrated,), (), tuple(remarks))
-
-
-def calibrate_force_cell(
-    records: Iterable[MeasuredRecord],
-    layout: Layout,
-    known: KnownMass,
-    noise_uncertainty: float = STATED_NOISE,
-) -> Findings:
-    """
-    Find gain and delay of a force cell from a mass that it shakes.
-
-    Force over mass and the accelerometers show one acceleration; both have noise. The front
-    mass that the layout states moves with the mass.
-
-    Parameters
-    ----------
-    records : iterable of MeasuredRecord
-    layout : Layout
-        By which the samples are SI.
-    known : KnownMass
-    noise_uncertainty : float
-        Relative uncertainty of the noise.
-
-    Returns
-    -------
-    Findings
-        The sign of the gain is left as it is.
-
-    Raises
-    ------
-    DataError
-        If a sensor is none, or nothing moves.
-
-    """
-    channels = [channel_of(layout, name) for name in (known.cell, *known.accelerometers)]
-    sensors = [layout.sensors[channel] for channel in channels]
-    for sensor, kind in zip(
-        sensors, [SensorKind.FORCE] + [SensorKind.ACCELERATION] * (len(sensors) - 1), strict=True
-    ):
-        if sensor.kind is not kind:
-            raise DataError(
-                f'{sensor.name}: measures {sensor.kind.value}, expected a sensor of {kind.value}; '
-                'a known mass goes with a force cell and accelerometers on the mass'
-            )
-    whole = known.mass + sensors[0].front_mass
-    axial = Layout(tuple(_axial(one, 1.0 if i else whole) for i, one in enumerate(sensors)))
-    body = Body(_MASS, Coefficient(whole), np.zeros(3), None, ('translation_1',))
-    found = calibrate_motion(
-        assemble(Machine(_MASS, (body,), ())),
-        _Axial(records, channels, axial, whole),
-        axial,
-        known.accelerometers,
-        (Property.GAIN, Property.DELAY),
-        noise_uncertainty,
-    )
-    calibrated = tuple(
-        replace(one, standard_error=_with(one, known.relative_error * known.mass / whole))
-        for one in found.calibrated
-    )
-    remarks = [f'{known.cell}: {one}' for one in found.remarks]
-    if not sensors[0].front_mass:
-        remarks.append(
-            f'{known.cell}: the layout states no front mass; the mass between the sensing element '
-            f'and the {known.mass:g} kg counts as part of the gain.'
-        )
-    return replace(found, calibrated=calibrated, remarks=tuple(remarks))
 
 
 def channel_of(layout: Layout, name: str) -> int:
@@ -232,39 +145,6 @@ def channel_of(layout: Layout, name: str) -> int:
     if name not in names:
         raise DataError(f'there is no sensor {name}; the record has {", ".join(names)}')
     return names.index(name)
-
-
-@dataclass(frozen=True)
-class _Axial:
-    """Records of the cell and the accelerometers as accelerations along one axis."""
-
-    records: Iterable[MeasuredRecord]
-    channels: Sequence[int]
-    layout: Layout
-    mass: float
-
-    def __iter__(self) -> Iterator[MeasuredRecord]:
-        for record in self.records:
-            samples = record.samples[:, self.channels].copy()
-            samples[:, 0] /= self.mass
-            steady = samples - np.nanmean(samples, axis=0)
-            # Which way round an accelerometer is mounted is not the question.
-            turned = np.nansum(steady[:, :1] * steady, axis=0) < 0
-            yield replace(record, layout=self.layout, samples=np.where(turned, -samples, samples))
-
-
-def _axial(sensor: Sensor, mass: float) -> Sensor:
-    return replace(
-        sensor, kind=SensorKind.ACCELERATION, body=_MASS, excitation='', point=np.zeros(3),
-        direction=np.array([1.0, 0.0, 0.0]), noise=sensor.noise / mass,
-        resolution=sensor.resolution / mass, reads_gravity=False, front_mass=0.0,
-    )  # fmt: skip
-
-
-def _with(one: Calibrated, relative: float) -> float:
-    """Add the uncertainty of the mass to that of a gain."""
-    own = relative * abs(one.value) if one.what is Property.GAIN else 0.0
-    return float(np.hypot(one.standard_error, own))
 
 
 def _longest(records: Iterable[MeasuredRecord], channel: int, name: str) -> tuple[Reals, float]:

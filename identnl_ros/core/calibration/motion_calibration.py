@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gains, directions and delays of sensors against trusted ones, from rigid-body motion."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from identnl_ros.core.calibration.cross_spectra import cross_spectra, CrossSpectra
@@ -25,6 +25,7 @@ from identnl_ros.core.calibration.motion_likelihood import (
     SECOND_ANGLE,
     SensorState,
 )
+from identnl_ros.core.calibration.reference_gains import reference_gains, ReferenceGains
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.layout import Layout, Sensor
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
@@ -62,9 +63,11 @@ class _Fit:
     layout: Layout
     free: list[Parameter]
     hold_angles: bool
+    references: ReferenceGains
     fixed: dict[Parameter, str] = field(default_factory=dict)
     lost: dict[Parameter, str] = field(default_factory=dict)
     covariance: Reals = field(default_factory=lambda: np.zeros((0, 0)))
+    shares: Reals = field(default_factory=lambda: np.zeros((0, 0)))
     delay_unit: float = 1.0
 
 
@@ -79,6 +82,7 @@ class _Settings:
     properties: Collection[Property]
     noise_uncertainty: float
     known_gains: Collection[str]
+    gain_errors: Mapping[str, Mapping[str, float]]
 
 
 def calibrate_motion(
@@ -89,13 +93,15 @@ def calibrate_motion(
     properties: Collection[Property] = ALL,
     noise_uncertainty: float = STATED_NOISE,
     known_gains: Collection[str] = (),
+    gain_errors: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Findings:
     """
     Estimate gains, directions and delays by maximum likelihood.
 
     Every reading is that of a rigid body's point. At every frequency the motion of the bodies
     is eliminated; gains, directions and delays maximise the likelihood of what is left under
-    white sensor noise, by Gauss-Newton on cross-spectra. There is no prior.
+    white sensor noise, by Gauss-Newton on cross-spectra. There is no prior but that of the
+    references' gains, where their uncertainty is given: they are normally distributed.
 
     Parameters
     ----------
@@ -113,6 +119,10 @@ def calibrate_motion(
         Relative uncertainty of the noise, for the test whether all sensors agree.
     known_gains : collection of str
         Sensors whose gains are right.
+    gain_errors : mapping of str to mapping of str to float
+        Of references and known gains: how much the gain is too high, over it, for one standard
+        deviation of each thing that it is uncertain by (see `Calibrated.shares`). Others are
+        taken as exact.
 
     Returns
     -------
@@ -125,8 +135,9 @@ def calibrate_motion(
 
     """
     settings = _Settings(
-        model, records, layout, references, properties, noise_uncertainty, known_gains
-    )
+        model, records, layout, references, properties, noise_uncertainty, known_gains,
+        gain_errors or {},
+    )  # fmt: skip
     fit, findings = _fitted(settings, hold_angles=False)
     if any(which in ANGLES for _, which in fit.lost) and not findings.doubts:
         # Where the machine moves too little to tell all, directions as stated tell the gains.
@@ -168,7 +179,10 @@ def _fitted(asked: _Settings, hold_angles: bool) -> tuple[_Fit, Findings]:
         for which, what in _WHAT.items()
         if what in asked.properties and not (which == GAIN and sensor.name in asked.known_gains)
     ]
-    fit = _Fit(asked.layout, free, hold_angles)
+    trusted = {*asked.references, *asked.known_gains}
+    fit = _Fit(
+        asked.layout, free, hold_angles, reference_gains(asked.layout, trusted, asked.gain_errors)
+    )
     taken_out = np.zeros(len(sensors))
     for _ in range(MOST_ROUNDS):
         spectra = [one.moving() for one in cross_spectra(asked.model, asked.records, taken_out)]
@@ -184,6 +198,7 @@ def _fitted(asked: _Settings, hold_angles: bool) -> tuple[_Fit, Findings]:
     agreement = _agreement(likelihood, asked.layout, asked.noise_uncertainty)
     return fit, replace(
         agreement,
+        remarks=(*agreement.remarks, *fit.references.remarks),
         calibrated=tuple(_calibrated(fit, state)),
         undetermined=tuple(_undetermined(fit)),
     )
@@ -230,8 +245,11 @@ def _search(spectra: Sequence[CrossSpectra], state: SensorState, fit: _Fit) -> L
     )
     fit.delay_unit = float(np.sqrt(power / squares))
     start = [array.copy() for array in (state.gains, state.directions, state.delays)]
+    references = fit.references
     for _ in range(MOST_STEPS):
-        found = motion_likelihood(spectra, state, fit.free, fit.delay_unit)
+        parameters = [*fit.free, *references.parameters]
+        whole = motion_likelihood(spectra, state, parameters, fit.delay_unit)
+        found = whole.first(len(fit.free))
         if weak := weak_parameters(found, state, fit.free):
             _fix(fit, state, weak, start)
             continue
@@ -241,15 +259,14 @@ def _search(spectra: Sequence[CrossSpectra], state: SensorState, fit: _Fit) -> L
             _fix(fit, state, dict.fromkeys(angles, TOGETHER), start)
             continue
         fit.lost = {fit.free[i]: TOGETHER for i in together}
-        information = found.raw - found.surplus
-        inverse = told @ np.linalg.inv(told.T @ information @ told) @ told.T
-        step = inverse @ found.score
+        step, covariance, shares = references.step(whole, told)
         units = np.array([fit.delay_unit if one[1] == DELAY else 1.0 for one in fit.free])
-        covariance = inverse @ found.spread @ inverse
         errors = np.sqrt(np.diag(covariance))
         fit.covariance = covariance * np.outer(units, units)
-        state.moved(fit.free, step * units)
-        if np.all(np.abs(step) <= ENOUGH * np.maximum(errors, 1e-9)):
+        fit.shares = shares * units[:, np.newaxis]
+        state.moved(fit.free, step[: len(units)] * units)
+        references.moved(state, step[len(units) :])
+        if np.all(np.abs(step[: len(units)]) <= ENOUGH * np.maximum(errors, 1e-9)):
             large = {
                 i: too_uncertain(fit.free[i], float(error * units[i]))
                 for i, error in enumerate(errors)
@@ -293,19 +310,21 @@ def _calibrated(fit: _Fit, state: SensorState) -> Iterable[Calibrated]:
             continue
         channel, which = parameter
         sensor = fit.layout.sensors[channel]
-        error = float(np.sqrt(fit.covariance[i, i]))
+        shares = dict(zip(fit.references.names, fit.shares[i].tolist(), strict=True))
+        error = float(np.sqrt(fit.covariance[i, i] + fit.shares[i] @ fit.shares[i]))
         if which == GAIN:
             value = sensor.gain * float(state.gains[channel])
             found = sensor.gain, value, abs(sensor.gain) * error
+            shares = {name: sensor.gain * share for name, share in shares.items()}
         elif which == DELAY:
             found = sensor.delay, sensor.delay + float(state.delays[channel]), error
         else:
             axis = state.axes[channel, which - 1]
             direction = state.directions[channel]
             angle = float(np.arctan2(direction @ axis, direction @ sensor.direction))
-            yield Calibrated(sensor.name, Property.DIRECTION, 0.0, angle, error, axis)
+            yield Calibrated(sensor.name, Property.DIRECTION, 0.0, angle, error, axis, shares)
             continue
-        yield Calibrated(sensor.name, _WHAT[which], *found)
+        yield Calibrated(sensor.name, _WHAT[which], *found, shares=shares)
 
 
 def _undetermined(fit: _Fit) -> Iterable[Undetermined]:

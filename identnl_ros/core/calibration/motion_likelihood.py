@@ -3,7 +3,7 @@
 """Likelihood of gains, directions and delays of sensors that ride on rigid bodies."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from identnl_ros.core.calibration.cross_spectra import CrossSpectra
 import numpy as np
@@ -142,6 +142,29 @@ class Likelihood:
     uncertainty: float
     channel_cost: Reals
     channel_expected: Reals
+
+    def first(self, count: int) -> 'Likelihood':
+        """
+        Copy for the first parameters alone, the others as they are.
+
+        Parameters
+        ----------
+        count : int
+
+        Returns
+        -------
+        Likelihood
+
+        """
+        part = slice(count)
+        return replace(
+            self,
+            score=self.score[part],
+            raw=self.raw[part, part],
+            surplus=self.surplus[part, part],
+            alone=self.alone[part],
+            spread=self.spread[part, part],
+        )
 
 
 def motion_likelihood(

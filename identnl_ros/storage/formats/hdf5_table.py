@@ -10,10 +10,10 @@ from identnl_ros.core.errors import DataError
 from identnl_ros.storage.formats.table import (
     ChannelTable,
     Column,
-    library,
     single_digits,
     told_rate,
 )
+from identnl_ros.storage.optional_library import library
 import numpy as np
 from numpy.typing import NDArray
 

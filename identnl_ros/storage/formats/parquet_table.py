@@ -10,13 +10,13 @@ from identnl_ros.core.errors import DataError
 from identnl_ros.storage.formats.table import (
     Column,
     foreign_errors,
-    library,
     Progress,
     single_digits,
     Table,
     told_rate,
     VALUES_AT_ONCE,
 )
+from identnl_ros.storage.optional_library import library
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,8 @@
 
 from typing import BinaryIO
 
-from identnl_ros.storage.formats.table import library
 from identnl_ros.storage.formats.writers import Recording
+from identnl_ros.storage.optional_library import library
 import numpy as np
 from numpy.typing import NDArray
 

@@ -7,11 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-import importlib
 from pathlib import Path
 import stat
 import tempfile
-from types import ModuleType, TracebackType
+from types import TracebackType
 from typing import Any
 
 from identnl_ros.core.errors import DataError, IdentnlError
@@ -366,37 +365,6 @@ def foreign_errors(path: Path, format_name: str) -> Iterator[None]:
         raise DataError(
             f'{path} cannot be read as {format_name}: {said[:200]}; check the file, or name its '
             'format with --format'
-        ) from None
-
-
-def library(module: str, package: str, purpose: str) -> ModuleType:
-    """
-    Import a library that only some users need.
-
-    Parameters
-    ----------
-    module : str
-    package : str
-        That brings it.
-    purpose : str
-        E.g. ``TDMS files``.
-
-    Returns
-    -------
-    module
-
-    Raises
-    ------
-    DataError
-        If it is not installed.
-
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise DataError(
-            f'{purpose} need the Python package {package}, which cannot be imported ({error}); '
-            f'install it: python -m pip install {package}'
         ) from None
 
 

@@ -111,3 +111,40 @@ def test_numbers_for_people_have_units(identnl, config):
         'displacement standard deviation [m, rad]: ',
     ):  # fmt: skip
         assert words in result.stdout
+
+
+def test_layout_is_checked_against_the_machine_on_the_same_command_line(
+    identnl, config, tmp_path
+):
+    machine, layout = config / 'knee_column.yaml', tmp_path / 'a.yaml'
+    text = (config / 'knee_column_layout.yaml').read_text('utf-8')
+    layout.write_text(text.replace('body: knee', 'body: kne', 1), 'utf-8')
+    for paths in ((machine, layout), (layout, machine)):
+        result = identnl('check', *paths)
+        assert result.exit_code == 1
+        assert '"kne" is no body of machine knee_and_column' in result.stdout
+    alone = identnl('check', layout)
+    assert alone.exit_code == 0
+    assert 'not compared with a machine' in alone.stdout
+
+
+def test_of_several_machines_a_layout_is_checked_against_that_of_its_name(document, config):
+    found = document(
+        'check', config / 'knee_column.yaml', config / 'oscillator.yaml',
+        config / 'oscillator_layout.yaml',
+    )  # fmt: skip
+    assert found['sound']
+    assert found['files'][-1]['machine'] == 'oscillator'
+
+
+@pytest.mark.parametrize(('mass', 'told'), [('27', True), ('25', False), ('85 g', False)])
+def test_front_mass_that_is_much_of_its_body_is_remarked(
+    document, config, tmp_path, mass, told
+):
+    layout = tmp_path / 'a.yaml'
+    text = (config / 'knee_column_layout.yaml').read_text('utf-8')
+    layout.write_text(text.replace('kind: force', f'kind: force, front_mass: {mass}'), 'utf-8')
+    found = document('check', config / 'knee_column.yaml', layout)
+    assert found['sound']
+    remarks = found['files'][-1]['remarks']
+    assert [('front_mass of 27 kg' in one and '"85 g"' in one) for one in remarks] == [True] * told

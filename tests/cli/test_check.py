@@ -113,9 +113,7 @@ def test_numbers_for_people_have_units(identnl, config):
         assert words in result.stdout
 
 
-def test_layout_is_checked_against_the_machine_on_the_same_command_line(
-    identnl, config, tmp_path
-):
+def test_layout_is_checked_against_the_machine_on_the_same_command_line(identnl, config, tmp_path):
     machine, layout = config / 'knee_column.yaml', tmp_path / 'a.yaml'
     text = (config / 'knee_column_layout.yaml').read_text('utf-8')
     layout.write_text(text.replace('body: knee', 'body: kne', 1), 'utf-8')
@@ -138,9 +136,7 @@ def test_of_several_machines_a_layout_is_checked_against_that_of_its_name(docume
 
 
 @pytest.mark.parametrize(('mass', 'told'), [('27', True), ('25', False), ('85 g', False)])
-def test_front_mass_that_is_much_of_its_body_is_remarked(
-    document, config, tmp_path, mass, told
-):
+def test_front_mass_that_is_much_of_its_body_is_remarked(document, config, tmp_path, mass, told):
     layout = tmp_path / 'a.yaml'
     text = (config / 'knee_column_layout.yaml').read_text('utf-8')
     layout.write_text(text.replace('kind: force', f'kind: force, front_mass: {mass}'), 'utf-8')

@@ -4,7 +4,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import click
 from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome
@@ -117,7 +117,27 @@ def _show(findings: 'list[Findings]') -> None:
         for remark in one.remarks:
             click.echo(f'  remark: {remark}')
         for key, value in one.facts.items():
-            click.echo(f'  {_title(key)}: {_short(value)}')
+            if key != 'streams':
+                click.echo(f'  {_title(key)}: {_short(value)}')
+                continue
+            for number, stream in enumerate(value):
+                click.echo(f'  stream {number}:')
+                _show_stream(stream)
+
+
+def _show_stream(stream: dict[str, Any]) -> None:
+    from identnl_ros.core.quality.common_faults import told_once
+
+    for key, value in stream.items():
+        if key in TOLD or value in ([], {}):
+            continue
+        if key == 'left_out':
+            channels = [one['name'] for one in stream['channels']]
+            causes = ((name, _short(counts)) for name, counts in value.items())
+            shown = '; '.join(told_once(causes, channels))
+        else:
+            shown = _short(value)
+        click.echo(f'    {_title(key)}: {shown}')
 
 
 def _title(key: str) -> str:

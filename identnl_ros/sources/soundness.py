@@ -16,6 +16,7 @@ from identnl_ros.core.mechanics.equilibrium import static_equilibrium
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.mechanics.modes import modes
+from identnl_ros.core.quality.common_faults import fault_of, told_once
 from identnl_ros.core.quality.condition import Condition, EXCLUDING, Finding
 from identnl_ros.core.quality.monitor import monitored, QualityMonitor, QualitySummary
 from identnl_ros.sources.delay_check import check_delays
@@ -188,14 +189,7 @@ def check_bag(path: Path, machine_path: Path | None, delays: bool = False) -> Fi
                 _lacking(findings, lost, samples + lost).append(
                     f'{lost} of {samples + lost} samples are missing between the blocks'
                 )
-            shares = {channel.name: channel.excluded for channel in summary.channels}
-            for fault in summary.findings:
-                if fault.condition & Condition.GAP:
-                    continue
-                harmful = not fault.condition & EXCLUDING
-                usual = min(shares.values())  # of faults of all channels
-                left_out = samples if harmful else shares.get(fault.channel, usual)
-                _lacking(findings, left_out, samples).append(fault.sentence)
+            _tell_faults(findings, summary)
             if machine is not None:
                 facts |= _fit(machine, stream.layout, stream.sample_rate)
                 findings.remarks.extend(_heavy_front_masses(machine, stream.layout))
@@ -224,6 +218,24 @@ def _delays(path: Path, model: Model, findings: Findings) -> dict[str, Any]:
 def _lacking(findings: Findings, count: int, total: int) -> list[str]:
     """Where to say that some of all samples are not there."""
     return findings.problems if count >= HARMLESS_SHARE * total else findings.remarks
+
+
+def _tell_faults(findings: Findings, summary: QualitySummary) -> None:
+    """Tell faults of channels, those that cost little as remarks."""
+    shares = {channel.name: channel.excluded for channel in summary.channels}
+    usual = min(shares.values())  # of faults of all channels
+    problems: list[tuple[str, str]] = []
+    remarks: list[tuple[str, str]] = []
+    for fault in summary.findings:
+        # A channel is lost by another fault, which is told.
+        if fault.condition & (Condition.GAP | Condition.LOST):
+            continue
+        harmful = not fault.condition & EXCLUDING
+        left_out = shares.get(fault.channel, usual)
+        serious = harmful or left_out >= HARMLESS_SHARE * summary.samples
+        (problems if serious else remarks).append(fault_of(fault))
+    findings.problems.extend(told_once(problems, shares))
+    findings.remarks.extend(told_once(remarks, shares))
 
 
 def _judged(

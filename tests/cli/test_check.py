@@ -4,6 +4,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 
@@ -76,6 +77,24 @@ def test_bag_with_few_missing_readings_is_sound_with_a_remark(
     assert 'without a valid number' in sentence
     assert found['streams'][0]['left_out']['output']['missing'] == holes
     assert ('remark: ' if sound else 'problem: ') + sentence in identnl('check', bag).stdout
+
+
+def test_what_all_channels_have_in_common_is_told_once(identnl, config, tmp_path):
+    readings = np.random.default_rng(1).standard_normal((4000, 2))
+    rows = [f'{one},{other}' for one, other in readings]
+    rows[1000:1500] = [','] * 500
+    (tmp_path / 'a.csv').write_text('V1,V2\n' + '\n'.join(rows), 'utf-8')
+    bag, layout = tmp_path / 'a.mcap', config / 'oscillator_layout.yaml'
+    identnl('import', tmp_path / 'a.csv', '--layout', layout, '--out', bag)
+    result = identnl('check', bag)
+    (told,) = [line for line in result.stdout.splitlines() if 'without a valid' in line]
+    assert told.startswith('  problem: all channels: 500 samples without a valid number from ')
+    assert 'no valid sample for long' not in result.stdout
+    (left_out,) = [line for line in result.stdout.splitlines() if 'left out' in line]
+    # 0.1 s, but for the last one, until the channels are trusted again.
+    assert left_out == '    left out: all channels: missing 500, lost 60'
+    assert max(map(len, result.stdout.splitlines())) < 200
+    assert '    samples: 4000' in result.stdout.splitlines()
 
 
 def test_gap_of_a_bag_is_told_with_its_share(identnl, config, tmp_path):

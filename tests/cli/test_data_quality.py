@@ -9,9 +9,10 @@ from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.observation import observe_motion
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.storage.machine_file import read_machine
+import numpy as np
 import pytest
 
-from tests.faulty_bags import inverted, recorded, stuck, write_faulty
+from tests.faulty_bags import inverted, RATE, recorded, stuck, write_faulty
 
 
 @pytest.fixture(scope='module')
@@ -85,6 +86,23 @@ def test_stuck_accelerometer_is_left_out_with_its_cause(document, tmp_path):
     assert any('column_a2y' in one and 'times as large' in one for one in found['problems'])
     assert within_intervals(found) >= 13
     assert found['rejected_samples'] < 0.02 * found['samples']
+
+
+def test_same_loss_of_several_channels_is_counted_once_and_told_in_one_sentence(
+    document, tmp_path
+):
+    names = ['knee_a2y', 'knee_a4x', 'knee_a4y']
+
+    def silent(samples, columns):
+        samples[2000:3000, [columns[name] for name in names]] = np.nan
+
+    found = document('identify', write_faulty(tmp_path / 'silent.mcap', silent))
+    (sentence,) = [one for one in found['problems'] if 'samples left out' in one]
+    ready = round(0.1 * RATE) - 1  # valid again, but not trusted yet
+    assert sentence == (
+        f'{", ".join(names)}: {1000 + ready} samples left out (1000 missing, {ready} lost)'
+    )
+    assert found['left_out'] == {name: {'missing': 1000, 'lost': ready} for name in names}
 
 
 def within_intervals(found) -> int:

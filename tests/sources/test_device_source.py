@@ -7,6 +7,7 @@ import threading
 import time
 
 from identnl_ros.core.errors import DataError, LayoutError
+from identnl_ros.core.good_news import GoodNews
 from identnl_ros.core.measurement.blocks import ChannelStatus
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.sources.device import DeviceChannel, DeviceLost
@@ -270,6 +271,7 @@ def test_stream_goes_on_after_a_loss_as_far_as_time_has_passed(stream, device, l
         'device box is lost',
         'device box is back',
     ]
+    assert [isinstance(sentence, GoodNews) for sentence in run.told] == [False, True]
 
 
 def test_clock_of_the_device_counts_on_while_it_is_away(stream, device):

@@ -173,7 +173,7 @@ class _Probe(_Channel):
 
 
 # Keys that may differ among the axes of a triaxial sensor.
-_OF_AXIS = (*_Channel.model_fields, 'reads_gravity')
+_OF_AXIS = (*_Channel.model_fields, 'reads_gravity', 'direction')
 
 _AnySensor = _ForceSensor | _Probe | _Accelerometer
 

@@ -277,6 +277,14 @@ def test_bad_file_gives_one_line_with_place_and_cause(old, new, line, words):
     assert '\n' not in message
 
 
+def test_axis_that_is_off_its_place_has_a_direction_of_its_own():
+    text = TRIAXIAL.replace('z: {column', 'z: {direction: [0.1, -1, 1], column')
+    _, x, y, z, *_ = read_layout(text, 'text').sensors
+    _, own_x, own_y, *_ = read_layout(TRIAXIAL, 'text').sensors
+    np.testing.assert_allclose(z.direction, np.array([0.1, -1, 1]) / np.sqrt(2.01))
+    np.testing.assert_array_equal([x.direction, y.direction], [own_x.direction, own_y.direction])
+
+
 BAD_TRIAXIAL = [
     ('9.8 mV/(m/s^2)', '9.8 mV/m', 12, 'sensors.corner_x.gain: found "9.8 mV/m", expected a gain'),
     ('y:\n', 'w:\n', 13, 'sensors.corner.axes.w: is no axis; expected some of'),
@@ -291,6 +299,7 @@ BAD_TRIAXIAL = [
     ('y: -x}', 'y: [0, 0, 0]}', 15, 'orientation: y: direction is zero'),
     ('[0, 1, 1], y: -x', '[0, 1, 1]', 15, 'orientation: found keys and values, expected where'),
     ('y: -x}', 'w: -x}', 15, 'orientation: found "w", expected where at least two'),
+    ('z: {', 'z: {direction: up, ', 14, 'corner_z.direction: found "up", expected a direction'),
     ('y: -x}', 'y: up}', 15, 'orientation: y: found "up", expected a direction'),
     ('[z, x]', '[z, z]', 16, 'sensors.probe.axes.1: axis z is here twice'),
     ('[z, x]', '[]', 16, 'sensors.probe.axes: found a list of 0, expected some of the'),

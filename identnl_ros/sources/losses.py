@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of the bags could not be used, and why."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from identnl_ros.core.quality.common_faults import told_once
@@ -34,6 +34,8 @@ class Losses:
         What sensors that were lost or ignored have cost, in sentences.
     problems : list of str
         Damage found in the bags, in sentences.
+    tell, doing : callable
+        Take sentences for the user at once, and what is being done.
 
     """
 
@@ -45,6 +47,8 @@ class Losses:
     findings: list[str] = field(default_factory=list)
     degradation: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    tell: Callable[[str], None] = lambda _: None
+    doing: Callable[[str], None] = lambda _: None
 
     def add(self, summary: QualitySummary, without: Collection[str] = ()) -> None:
         """

@@ -8,6 +8,7 @@ import json
 from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.observation import observe_motion
 from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.sources.offline import identify_bags
 from identnl_ros.storage.machine_file import read_machine
 import numpy as np
 import pytest
@@ -61,6 +62,28 @@ def test_estimates_are_in_doubt_where_a_wrong_sensor_is_needed(identnl, tmp_path
     assert not found['trusted']
     assert any(note.startswith('knee_s1x: reads -1.') for note in found['notes'])
     assert not any(one['status'] == 'ok' for one in found['parameters'])
+    assert result.stderr.count('knee_s1x: reads -1.') == 1
+    assert 'the search may take long' in result.stderr
+
+
+@pytest.mark.parametrize('estimator', ['pointwise', 'likelihood'])
+def test_wrong_sensor_is_told_before_the_search(inverted_bag, estimator):
+    class StopError(Exception):
+        pass
+
+    events = []
+
+    def doing(what):
+        events.append(what.partition(' ')[0])
+        if events[-1] == 'fitting':
+            raise StopError
+
+    with pytest.raises(StopError):
+        identify_bags([inverted_bag], estimator=estimator, tell=events.append, doing=doing)
+    reading, sentence, fitting = events
+    assert (reading, fitting) == ('reading', 'fitting')
+    assert sentence.startswith('knee_s1x: reads -1.00')
+    assert sentence.endswith('(left out)')
 
 
 def without_redundant_probes() -> set[str]:

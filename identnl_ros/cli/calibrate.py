@@ -143,7 +143,10 @@ def _write(out: Path, result: 'BagCalibration') -> bool:
     edited = edited_layout(result.file.text, str(result.file.path), result.findings.calibrated)
     write_text(out, [edited.text])
     if edited.whole:
-        say(f'warning: {out} is written anew; the comments of {result.file.path} are gone')
+        say(
+            f'warning: {out} is written anew, in SI: comments, defaults, units and triaxial '
+            f'entries of {result.file.path} are gone'
+        )
     return not edited.whole
 
 

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`identnl check`: tell whether files are sound."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import click
 from identnl_ros.cli.output import command as reporting, DONE, NEGATIVE, Outcome
@@ -30,7 +31,7 @@ TOLD = {'faults'}
 @click.option(
     '--machine',
     type=click.Path(path_type=Path),
-    help='Machine file that layouts and bags have to fit.',
+    help='Machine file that layouts and bags have to fit; layouts: by default the one in PATHS.',
 )
 @click.option(
     '--delays',
@@ -43,11 +44,12 @@ def command(paths: tuple[Path, ...], machine: Path | None, delays: bool) -> Outc
     """
     Check machine files, layout files and bags.
 
-    YAML files are told apart by their content; everything else is taken for a bag. A bag that
-    lacks less than 1 % of its samples is sound, with a remark. Exit code 1: something is not
-    sound.
+    YAML files are told apart by their content; everything else is taken for a bag. Layout files
+    are checked against the machine file among PATHS; of several, against the one of their name.
+    A bag that lacks less than 1 % of its samples is sound, with a remark. Exit code 1: something
+    is not sound.
     """
-    findings = [_check(path, machine, delays) for path in paths]
+    findings = _checked(paths, machine, delays)
     sound = all(one.sound for one in findings)
     document = {
         'sound': sound,
@@ -66,18 +68,45 @@ def command(paths: tuple[Path, ...], machine: Path | None, delays: bool) -> Outc
     return Outcome(document, lambda: _show(findings), DONE if sound else NEGATIVE)
 
 
-def _check(path: Path, machine: Path | None, delays: bool) -> 'Findings':
+def _checked(paths: Sequence[Path], machine: Path | None, delays: bool) -> 'list[Findings]':
     from identnl_ros.sources.soundness import check_bag, check_layout, check_machine
 
-    if path.suffix not in ('.yaml', '.yml'):
-        return check_bag(path, machine, delays)
+    machines = {
+        path: check_machine(path) for path in paths if _is_yaml(path) and not _is_layout(path)
+    }
+    readable = [path for path, found in machines.items() if found.facts]
+    findings = []
+    for path in paths:
+        if path in machines:
+            findings.append(machines[path])
+        elif _is_layout(path):
+            findings.append(check_layout(path, machine or _machine_of(path, readable)))
+        else:
+            findings.append(check_bag(path, machine, delays))
+    return findings
+
+
+def _machine_of(layout: Path, machines: Sequence[Path]) -> Path | None:
+    """Find the machine file that a layout file belongs to."""
+    from identnl_ros.storage.layout_file import default_layout_path
+
+    if len(machines) == 1:
+        return machines[0]
+    return next((one for one in machines if default_layout_path(one) == layout), None)
+
+
+def _is_yaml(path: Path) -> bool:
+    return path.suffix in ('.yaml', '.yml')
+
+
+def _is_layout(path: Path) -> bool:
+    if not _is_yaml(path):
+        return False
     try:
         text = path.read_text('utf-8', errors='replace')
     except OSError:
-        text = ''
-    if any(line.startswith('sensors:') for line in text.splitlines()):
-        return check_layout(path, machine)
-    return check_machine(path)
+        return False
+    return any(line.startswith('sensors:') for line in text.splitlines())
 
 
 def _show(findings: 'list[Findings]') -> None:
@@ -88,7 +117,27 @@ def _show(findings: 'list[Findings]') -> None:
         for remark in one.remarks:
             click.echo(f'  remark: {remark}')
         for key, value in one.facts.items():
-            click.echo(f'  {_title(key)}: {_short(value)}')
+            if key != 'streams':
+                click.echo(f'  {_title(key)}: {_short(value)}')
+                continue
+            for number, stream in enumerate(value):
+                click.echo(f'  stream {number}:')
+                _show_stream(stream)
+
+
+def _show_stream(stream: dict[str, Any]) -> None:
+    from identnl_ros.core.quality.common_faults import told_once
+
+    for key, value in stream.items():
+        if key in TOLD or value in ([], {}):
+            continue
+        if key == 'left_out':
+            channels = [one['name'] for one in stream['channels']]
+            causes = ((name, _short(counts)) for name, counts in value.items())
+            shown = '; '.join(told_once(causes, channels))
+        else:
+            shown = _short(value)
+        click.echo(f'    {_title(key)}: {shown}')
 
 
 def _title(key: str) -> str:

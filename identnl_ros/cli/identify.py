@@ -66,17 +66,26 @@ def command(
     so that it could be said how well, or the estimates are not to be trusted because model and
     data disagree.
     """
+    from identnl_ros.cli.progress import activity
     from identnl_ros.core.estimation.physical_bounds import within_physical_bounds
     from identnl_ros.reports.estimate_document import estimate_document
     from identnl_ros.sources.offline import identify_bags
     from identnl_ros.storage.bag_reader import open_bag
 
-    result = identify_bags(bags, machine, estimator, unknowns, without)
+    told: set[str] = set()
+
+    def tell(sentence: str) -> None:
+        told.add(sentence)
+        say(f'warning: {sentence}')
+
+    with activity('identify') as doing:
+        result = identify_bags(bags, machine, estimator, unknowns, without, tell, doing)
     truth = _truth(open_bag(bags[0]).metadata('identnl.truth'))
     estimate = within_physical_bounds(result.estimate) if bounded else result.estimate
     remarks = result.losses.remarks()
     for remark in remarks:
-        say(f'warning: {remark}')
+        if remark not in told:
+            say(f'warning: {remark}')
     document = {
         'bag': str(bags[0]),
         'bags': [str(bag) for bag in bags],

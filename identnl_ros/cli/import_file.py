@@ -11,6 +11,7 @@ import click
 from identnl_ros.cli.formats import READABLE
 from identnl_ros.cli.output import command as reporting, Outcome, say
 from identnl_ros.core.errors import DataError
+from identnl_ros.core.readable import readable
 
 if TYPE_CHECKING:
     from identnl_ros.core.measurement.layout import Layout
@@ -202,7 +203,7 @@ def _told(
             click.echo(
                 f'{one["name"]}: late by {one["offset"] * 1e3:.6g} ms, clock slow by '
                 f'{one["skew"] * 1e6:.4g} ppm, a delay with a standard deviation of '
-                f'{one["remaining"] * 1e6:.3g} us remains'
+                f'{readable(one["remaining"], "s")} remains'
             )
 
     return Outcome(document, show)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 
 @contextmanager
@@ -57,3 +57,26 @@ def progress_of(title: str) -> Iterator[Callable[[int, int], None]]:
             before = share
 
         yield report
+
+
+@contextmanager
+def activity(title: str) -> Iterator[Callable[[str], None]]:
+    """
+    Show what a job whose size is not known does, and since when.
+
+    Parameters
+    ----------
+    title : str
+
+    Yields
+    ------
+    callable
+        To be called with what is done from now on.
+
+    """
+    console = Console(stderr=True)
+    columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True,
+                  disable=not console.is_terminal) as bar:  # fmt: skip
+        task = bar.add_task(title, total=None)
+        yield lambda what: bar.update(task, description=f'{title}: {what}')

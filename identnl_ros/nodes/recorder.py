@@ -121,6 +121,9 @@ class Recorder(ManagedNode):
         if self._bag is not None:
             bag, self._bag = self._bag, None
             bag.close()
+            if bag.is_empty:
+                self.get_logger().warning(f'no message came: {self._path} is empty and removed')
+                return
             count = sum(self.messages.values())
             self.get_logger().info(f'{self._path} is complete: {count} messages')
 

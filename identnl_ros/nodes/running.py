@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+import re
 import signal
 import sys
 import time
@@ -25,6 +26,8 @@ DRAIN_LIMIT = 4.0  # [s] launchers send SIGTERM 5 s after SIGINT
 SIGNAL_INTERVAL = 0.1  # [s] a signal is noticed at the latest after this time
 # A terminal and a launcher may each send the first signal; one more means it.
 ABRUPT = 1
+
+_TYPES = re.compile(r"to '(.*)' of type '(\w+)', expecting type '(\w+)'", re.DOTALL)
 
 
 class _Signals:
@@ -137,7 +140,30 @@ def _end(
 
 def _explained(error: Exception) -> str:
     if isinstance(error, InvalidParameterTypeException):
-        return f'{error}; write a number of type DOUBLE with a point, e.g. 2.0'
+        return f'{error}{_in_yaml(str(error))}'
     if isinstance(error, InvalidParameterValueException):
         return f'a parameter is out of its range: {error}'
     return str(error)
+
+
+def _in_yaml(refusal: str) -> str:
+    """Say how a value of the expected type is written."""
+    match = _TYPES.search(refusal)
+    if match is None:
+        return ''
+    value, found, expected = match.groups()
+    match expected:
+        case 'DOUBLE':
+            return '; write a number with a point, e.g. ' + (
+                f'{value}.0' if found == 'INTEGER' else '2.0'
+            )
+        case 'STRING_ARRAY':
+            return f'; write a list: ["{value}"]'
+        case 'STRING':
+            return f'; write a text in two kinds of quotes: "\'{value}\'"'
+        case 'INTEGER':
+            return '; write a whole number without a point, e.g. 2'
+        case 'BOOL':
+            return '; write true or false'
+        case _:
+            return ''

@@ -13,6 +13,7 @@ from identnl_msgs.msg import (
     SampleBlock as SampleBlockMessage,
     StandDescription as StandDescriptionMessage,
 )
+from identnl_ros.core.good_news import GoodNews
 from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.nodes import qos
 from identnl_ros.nodes.block_stream import BlockStream
@@ -108,7 +109,7 @@ class SensorBridge(ManagedNode):
         return (*cls.settings, *settings_of_sources())
 
     def configure(self) -> None:
-        self._source = source = make_source(self.setting, self.get_logger().warning)
+        self._source = source = make_source(self.setting, self._log)
         self.stand = source.description.stand
         self._stamp_offset = None if source.timing is Timing.SIMULATED else 0
         self._is_opened = False
@@ -126,6 +127,12 @@ class SensorBridge(ManagedNode):
         )
         self.subscribe(Consumed, 'consumed', self._on_consumed, qos_profile=qos.progress())
         self.every(CHECK_INTERVAL, self._check)
+
+    def _log(self, sentence: str) -> None:
+        if isinstance(sentence, GoodNews):
+            self.get_logger().info(sentence)
+        else:
+            self.get_logger().warning(sentence)
 
     def activate(self) -> None:
         assert self._source is not None, 'active without being configured'

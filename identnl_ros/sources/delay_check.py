@@ -8,6 +8,7 @@ from pathlib import Path
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.measured_record import MARGIN, MeasuredRecord
 from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.readable import readable
 from identnl_ros.core.synchronisation.damping_cost import damped_modes, damping_change
 from identnl_ros.core.synchronisation.delay_estimate import channel_delays, DelayEstimate
 from identnl_ros.storage.bag_reader import Bag, open_bag
@@ -103,8 +104,8 @@ def _from_medians(found: DelayEstimate) -> NDArray[np.float64]:
 def _sentence(name: str, delay: float, deviation: float, change: str | None) -> str:
     kind = 'late' if delay > 0 else 'early'
     text = (
-        f'{name}: is {kind} by {abs(delay) * 1e6:.3g} us (standard deviation '
-        f'{deviation * 1e6:.2g} us) against the other sensors of the same motion'
+        f'{name}: is {kind} by {readable(abs(delay), "s")} (standard deviation '
+        f'{readable(deviation, "s", 2)}) against the other sensors of the same motion'
     )
     if change:
         text += f', which changes {change}'

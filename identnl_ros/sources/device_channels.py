@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_LISTED = 12
+SIMILAR = 0.6  # as difflib has it
 
 
 @dataclass(frozen=True)
@@ -136,13 +137,14 @@ def sensors_of_devices(
 
     """
     places: dict[str, list[tuple[int, int]]] = {}
-    full_names = []
+    names: list[tuple[str, str]] = []
     for number, (device, channels) in enumerate(devices):
         for column, channel in enumerate(channels):
-            full_names.append(f'{device}/{channel.name}')
-            for name in {channel.name, full_names[-1]}:
+            names.append((channel.name, f'{device}/{channel.name}'))
+            for name in set(names[-1]):
                 places.setdefault(name, []).append((number, column))
-    shown = full_names if len(devices) > 1 else [one.name for _, own in devices for one in own]
+    # With its device where a name is that of several channels.
+    shown = [name if len(places[name]) == 1 else full_name for name, full_name in names]
     found: list[list[SensorChannel]] = [[] for _ in devices]
     for place, sensor in enumerate(layout.sensors):
         candidates = places.get(sensor.column, [])
@@ -152,10 +154,10 @@ def sensors_of_devices(
                 f'expected one of {_closest_first(sensor.column, shown)}'
             )
         if len(candidates) > 1:
-            names = ', '.join(f'{devices[i][0]}/{sensor.column}' for i, _ in candidates)
+            full_names = ', '.join(f'{devices[i][0]}/{sensor.column}' for i, _ in candidates)
             raise LayoutError(
                 f'sensor {sensor.name}: channel "{sensor.column}" (key column) may be any of '
-                f'{names}; write it with its device'
+                f'{full_names}; write it with its device'
             )
         ((number, column),) = candidates
         channel = devices[number][1][column]
@@ -187,10 +189,12 @@ def _factor(
 
 
 def _closest_first(wanted: str, names: list[str]) -> str:
-    def distance(name: str) -> float:
+    def similarity(name: str) -> float:
         texts = (name.lower(), name.rpartition('/')[2].lower())
-        return -max(SequenceMatcher(None, wanted.lower(), text).ratio() for text in texts)
+        return max(SequenceMatcher(None, wanted.lower(), text).ratio() for text in texts)
 
-    listed = sorted(names, key=distance)
+    listed = sorted(names, key=similarity, reverse=True)
     more = f' and {len(listed) - MOST_LISTED} more' if len(listed) > MOST_LISTED else ''
-    return ', '.join(listed[:MOST_LISTED]) + more
+    similar = listed and similarity(listed[0]) >= SIMILAR
+    meant = f'; did you mean "{listed[0]}"?' if similar else ''
+    return f'{", ".join(listed[:MOST_LISTED])}{more}{meant}'

@@ -8,6 +8,7 @@ import threading
 import time
 
 from identnl_ros.core.errors import DataError, IdentnlError
+from identnl_ros.core.good_news import GoodNews
 from identnl_ros.core.measurement.blocks import NANOSECONDS, stamp_after
 from identnl_ros.sources.device import Device, DeviceBlock, DeviceChannel, DeviceLost
 from identnl_ros.sources.device_state import DeviceState
@@ -245,8 +246,10 @@ class DeviceReader:
             self._reconnects += 1
             self._problem = ''
             self._tell(
-                f'device {self.name} is back after {now - self._lost_since:.1f} s; '
-                f'{lost} samples are lost'
+                GoodNews(
+                    f'device {self.name} is back after {now - self._lost_since:.1f} s; '
+                    f'{lost} samples are lost'
+                )
             )
         limit = round(LONGEST_QUEUE * self.sample_rate)
         if not self._inbox.put(self._number, replace(block, first_index=index, samples=samples),

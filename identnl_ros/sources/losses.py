@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of the bags could not be used, and why."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
+from identnl_ros.core.quality.common_faults import told_once
 from identnl_ros.core.quality.condition import Condition, EXCLUDING
 from identnl_ros.core.quality.monitor import QualitySummary
 
@@ -23,7 +24,10 @@ class Losses:
     readings : dict of str to int
         Samples left out, by channel.
     causes : dict of str to dict of str to int
-        The same by channel and cause; a sample may have several.
+        The same by channel and cause; a sample may have several, but counts as lost only where
+        it has no other.
+    channels : dict of str to None
+        Names of all channels of the bags, in order.
     findings : list of str
         What else is wrong with channels, in sentences.
     voted_out : dict of str to tuple of str
@@ -32,6 +36,8 @@ class Losses:
         What sensors that were lost or ignored have cost, in sentences.
     problems : list of str
         Damage found in the bags, in sentences.
+    tell, doing : callable
+        Take sentences for the user at once, and what is being done.
 
     """
 
@@ -39,10 +45,13 @@ class Losses:
     blocks: int = 0
     readings: dict[str, int] = field(default_factory=dict)
     causes: dict[str, dict[str, int]] = field(default_factory=dict)
+    channels: dict[str, None] = field(default_factory=dict)
     findings: list[str] = field(default_factory=list)
     voted_out: dict[str, tuple[str, ...]] = field(default_factory=dict)
     degradation: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    tell: Callable[[str], None] = lambda _: None
+    doing: Callable[[str], None] = lambda _: None
 
     def add(self, summary: QualitySummary, without: Collection[str] = ()) -> None:
         """
@@ -58,6 +67,7 @@ class Losses:
         self.samples += summary.lost_samples
         self.blocks += summary.repeated_blocks + summary.foreign_blocks
         for channel in summary.channels:
+            self.channels[channel.name] = None
             if channel.name in without or not channel.excluded:
                 continue
             self.readings[channel.name] = self.readings.get(channel.name, 0) + channel.excluded
@@ -82,9 +92,12 @@ class Losses:
         """
         remarks = [
             *self.problems,
-            *(
-                f'{name}: {count} samples left out ({_counted(self.causes[name])})'
-                for name, count in self.readings.items()
+            *told_once(
+                (
+                    (name, f'{count} samples left out ({_counted(self.causes[name])})')
+                    for name, count in self.readings.items()
+                ),
+                self.channels,
             ),
             *self.findings,
             *self.degradation,

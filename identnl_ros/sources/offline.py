@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification from bags: the nodes' code without the nodes."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -92,6 +92,8 @@ def identify_bags(
     estimator: str = 'weak',
     sensor_unknowns: Sequence[str] = (),
     without: Collection[str] = (),
+    tell: Callable[[str], None] = lambda _: None,
+    doing: Callable[[str], None] = lambda _: None,
 ) -> BagIdentification:
     """
     Identify a machine from all samples of some bags.
@@ -108,6 +110,10 @@ def identify_bags(
         For the likelihood only: what else to estimate, e.g. ``acceleration.delay``.
     without : collection of str
         Names of sensors that are not to be used.
+    tell : callable
+        Takes sentences for the user that are known before the search, which may be long.
+    doing : callable
+        Takes what is being done.
 
     Returns
     -------
@@ -121,7 +127,7 @@ def identify_bags(
     """
     bags = [open_bag(path) for path in paths]
     model = assemble(machine_of_bag(bags[0], machine_path))
-    losses = Losses()
+    losses = Losses(tell=tell, doing=doing)
     if estimator == 'likelihood':
         estimate = _likelihood(bags, model, sensor_unknowns, without, losses)
     else:
@@ -146,9 +152,11 @@ def _streamed(
     for bag in bags:
         for stream in bag.streams:
             with _fitting(bag, model):
+                losses.doing(f'reading and judging {bag.path.name}')
                 judged = JudgedStream(bag, stream, model)
                 unused = _unused(judged, model, without, losses)
                 transform = MotionTransform(model, stream.layout, stream.sample_rate, unused)
+            losses.doing(f'fitting {len(model.estimated)} parameters to {bag.path.name}')
             for block in judged.blocks():
                 motion = transform.add(block)
                 if motion is not None:
@@ -186,6 +194,7 @@ def _likelihood(
         raise DataError(
             f'{bags[0].path}: no run of samples without a gap is long enough to be simulated'
         )
+    losses.doing(f'fitting {len(model.estimated) + len(unknowns)} parameters to all records')
     with _fitting(bags[0], model):
         estimate = likelihood_estimate(model, records, unknowns)
     return estimate if unknowns else estimate.doubted(contradictions)
@@ -202,6 +211,7 @@ def _records(
     """Cut a bag at its gaps, and where the force is missing."""
     for stream in bag.streams:
         with _fitting(bag, model):
+            losses.doing(f'reading and judging {bag.path.name}')
             # Unknown gains are there to take up what contradicts.
             judged = JudgedStream(bag, stream, model)
             unused = without if unknowns else _unused(judged, model, without, losses)
@@ -246,12 +256,23 @@ def _unused(
     """Name the sensors to do without: those given, and those that contradict the others."""
     wrong = judged.contradictions(without)
     unused = frozenset(without) | {one.channel for one in wrong}
-    if not wrong or not _sees_everything(model, judged.stream, unused):
+    if not wrong:
         return frozenset(without)
-    losses.findings += [f'{one.sentence} (left out)' for one in wrong]
+    if not _sees_everything(model, judged.stream, unused):
+        for one in wrong:
+            losses.tell(one.sentence)
+        losses.tell(
+            'the other sensors do not see every motion, so all are used: the search may take '
+            'long, and every estimate will be in doubt'
+        )
+        return frozenset(without)
+    left_out = [f'{one.sentence} (left out)' for one in wrong]
+    losses.findings += left_out
     losses.voted_out |= {
         one.channel: judged.believed_against(one.channel, unused) for one in wrong
     }
+    for sentence in left_out:
+        losses.tell(sentence)
     return unused
 
 

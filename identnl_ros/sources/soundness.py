@@ -9,13 +9,14 @@ from typing import Any
 
 from identnl_ros.core.errors import DataError, IdentnlError
 from identnl_ros.core.measurement.blocks import SampleBlock
-from identnl_ros.core.measurement.layout import Layout
+from identnl_ros.core.measurement.layout import Layout, SensorKind
 from identnl_ros.core.measurement.transform import MotionTransform
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.equilibrium import static_equilibrium
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.mechanics.modes import modes
+from identnl_ros.core.quality.common_faults import fault_of, told_once
 from identnl_ros.core.quality.condition import Condition, EXCLUDING, Finding
 from identnl_ros.core.quality.monitor import monitored, QualityMonitor, QualitySummary
 from identnl_ros.sources.delay_check import check_delays
@@ -26,6 +27,8 @@ from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 
 HARMLESS_SHARE = 0.01  # samples without reading, of all
+# Of the mass of the body that a force cell is on; what is in front of a cell is a plate or a stud.
+USUAL_FRONT_SHARE = 0.1
 
 
 @dataclass
@@ -125,9 +128,14 @@ def check_layout(path: Path, machine_path: Path | None) -> Findings:
         layout = load_layout(path).layout
         findings.facts = _layout_facts(layout)
         findings.problems.extend(_shared_columns(layout))
-        if machine_path is not None:
+        if machine_path is None:
+            findings.remarks.append(
+                'not compared with a machine; give its machine file on the same command line'
+            )
+        else:
             machine = load_machine(machine_path).machine
             findings.facts |= _fit(machine, layout, layout.sample_rate or 1.0)
+            findings.remarks.extend(_heavy_front_masses(machine, layout))
     except IdentnlError as error:
         findings.problems.append(str(error))
     return findings
@@ -181,16 +189,10 @@ def check_bag(path: Path, machine_path: Path | None, delays: bool = False) -> Fi
                 _lacking(findings, lost, samples + lost).append(
                     f'{lost} of {samples + lost} samples are missing between the blocks'
                 )
-            shares = {channel.name: channel.excluded for channel in summary.channels}
-            for fault in summary.findings:
-                if fault.condition & Condition.GAP:
-                    continue
-                harmful = not fault.condition & EXCLUDING
-                usual = min(shares.values())  # of faults of all channels
-                left_out = samples if harmful else shares.get(fault.channel, usual)
-                _lacking(findings, left_out, samples).append(fault.sentence)
+            _tell_faults(findings, summary)
             if machine is not None:
                 facts |= _fit(machine, stream.layout, stream.sample_rate)
+                findings.remarks.extend(_heavy_front_masses(machine, stream.layout))
             if delays and model is not None and stream is bag.streams[0]:
                 facts['delays'] = _delays(path, model, findings)
         findings.problems.extend(bag.problems)
@@ -216,6 +218,24 @@ def _delays(path: Path, model: Model, findings: Findings) -> dict[str, Any]:
 def _lacking(findings: Findings, count: int, total: int) -> list[str]:
     """Where to say that some of all samples are not there."""
     return findings.problems if count >= HARMLESS_SHARE * total else findings.remarks
+
+
+def _tell_faults(findings: Findings, summary: QualitySummary) -> None:
+    """Tell faults of channels, those that cost little as remarks."""
+    shares = {channel.name: channel.excluded for channel in summary.channels}
+    usual = min(shares.values())  # of faults of all channels
+    problems: list[tuple[str, str]] = []
+    remarks: list[tuple[str, str]] = []
+    for fault in summary.findings:
+        # A channel is lost by another fault, which is told.
+        if fault.condition & (Condition.GAP | Condition.LOST):
+            continue
+        harmful = not fault.condition & EXCLUDING
+        left_out = shares.get(fault.channel, usual)
+        serious = harmful or left_out >= HARMLESS_SHARE * summary.samples
+        (problems if serious else remarks).append(fault_of(fault))
+    findings.problems.extend(told_once(problems, shares))
+    findings.remarks.extend(told_once(remarks, shares))
 
 
 def _judged(
@@ -248,6 +268,24 @@ def _shared_columns(layout: Layout) -> list[str]:
         for column, names in readers.items()
         if len(names) > 1
     ]
+
+
+def _heavy_front_masses(machine: Machine, layout: Layout) -> list[str]:
+    """Tell front masses that look like a number in another unit."""
+    masses = {body.name: body.mass.value for body in machine.bodies}
+    bodies = {point.name: point.body for point in machine.excitations}
+    remarks = []
+    for channel in layout.of_kind(SensorKind.FORCE):
+        sensor = layout.sensors[channel]
+        body = bodies.get(sensor.excitation, '')
+        if sensor.front_mass > USUAL_FRONT_SHARE * masses.get(body, np.inf):
+            remarks.append(
+                f'{sensor.name}: a front_mass of {sensor.front_mass:.4g} kg is '
+                f'{sensor.front_mass / masses[body]:.0%} of the mass of {body} '
+                f'({masses[body]:.4g} kg), expected below {USUAL_FRONT_SHARE:.0%}; a bare number '
+                'is in kg, grams are written "85 g"'
+            )
+    return remarks
 
 
 def _layout_facts(layout: Layout) -> dict[str, Any]:

@@ -43,8 +43,9 @@ class BagWriter:
     namespace : str
         Of the topics ``samples`` and ``stand_description``.
     keep_partial : bool
-        For recording live: write in place, and keep what there is after an error. Else the
-        bag appears under its name only when it is complete.
+        For recording live: write in place, and keep what there is after an error; a bag that
+        nothing was written to is removed. Else the bag appears under its name only when it is
+        complete.
     compress : bool
         Pays for samples in the steps of an analogue-to-digital converter, to about 40 %;
         noise in full precision shrinks by 4 % and takes four times as long.
@@ -73,6 +74,7 @@ class BagWriter:
         self._times: tuple[int, int] | None = None
         self._is_open = True
         self._has_failed = False
+        self._is_empty = True
         self._check_is_new()
         self._target = (
             self.path
@@ -110,6 +112,11 @@ class BagWriter:
                 self.close()
         else:
             self._discard()
+
+    @property
+    def is_empty(self) -> bool:
+        """Nothing was written."""
+        return self._is_empty
 
     def write_description(self, description: StandDescription) -> None:
         """
@@ -192,6 +199,7 @@ class BagWriter:
             channel, written = self._topic(topic, type_name, latched)
             self._writer.add_message(channel, log_time_ns, bytes(data), log_time_ns, written.count)
         written.count += 1
+        self._is_empty = False
         first, last = self._times or (log_time_ns, log_time_ns)
         self._times = (min(first, log_time_ns), max(last, log_time_ns))
 
@@ -212,6 +220,7 @@ class BagWriter:
         """
         with self._told_errors():
             self._writer.add_metadata(name, dict(values))
+        self._is_empty = False
 
     def flush(self) -> None:
         """
@@ -228,7 +237,7 @@ class BagWriter:
 
     def close(self) -> None:
         """
-        Finish the bag; a second call does nothing.
+        Finish the bag, or remove one that is kept partial and empty; a second call does nothing.
 
         Raises
         ------
@@ -238,7 +247,7 @@ class BagWriter:
         """
         if not self._is_open:
             return
-        if self._has_failed:
+        if self._has_failed or (self._keep_partial and self._is_empty):
             self._discard()
             return
         try:
@@ -287,13 +296,13 @@ class BagWriter:
             raise DataError(f'{self.path}: there is no folder {self.path.parent}; make it first')
 
     def _discard(self) -> None:
-        """Close the file and, unless what there is shall stay, remove it."""
+        """Close the file and, unless there is something that shall stay, remove it."""
         if not self._is_open:
             return
         self._is_open = False
         with suppress(OSError):
             self._stream.close()
-        if self._keep_partial:
+        if self._keep_partial and not self._is_empty:
             return
         if self._file == self._target:
             self._target.unlink(missing_ok=True)
@@ -311,7 +320,7 @@ class BagWriter:
             self._has_failed = True
             kept = (
                 'what was written before can be read'
-                if self._keep_partial
+                if self._keep_partial and not self._is_empty
                 else 'the incomplete bag was removed'
             )
             raise DataError(

@@ -13,6 +13,7 @@ from identnl_ros.core.measurement.layout import Layout, Sensor
 from identnl_ros.storage.layout_file import read_layout
 from identnl_ros.storage.layout_writing import layout_text
 from identnl_ros.storage.quantities import convert, same_dimension
+from identnl_ros.storage.triaxial_sensors import AXES
 from identnl_ros.storage.yaml_reading import KIND
 from identnl_ros.storage.yaml_writing import number
 import numpy as np
@@ -21,6 +22,7 @@ import yaml
 # Numbers are rounded to this share of their standard error; without one, to so many digits.
 ROUNDING = 0.01
 DIGITS = 9
+INDENT = 2
 # What is read back may be off by this share of the standard error.
 READ_BACK = 0.1
 
@@ -86,7 +88,7 @@ def edited_layout(text: str, where: str, calibrated: tuple[Calibrated, ...]) -> 
         layout = read_layout(new, f'{where} with calibrated numbers')
         _check(layout, intended, calibrated)
     except (LayoutError, _NoEntryError):
-        # E.g. sensors that are made from one entry.
+        # What the text is like was not thought of here.
         new = layout_text(intended, f'{where} with calibrated numbers, written anew.')
         layout = read_layout(new, where)
         _check(layout, intended, calibrated)
@@ -105,31 +107,95 @@ def _edits(
     top = _children(root)
     entries = _children(top.get('sensors', (None, None))[1])
     defaults = _children(top.get('defaults', (None, None))[1])
-    comments: dict[int, tuple[str, str]] = {}
+    comments: list[tuple[int, str, str]] = []
+    listed: dict[str, dict[str, tuple[dict[str, str], str]]] = {}
     sensors = {one.name: one for one in intended.sensors}
     for sensor in before.sensors:
         found = [one for one in calibrated if one.sensor == sensor.name]
         if not found:
             continue
-        name_node, node = entries.get(sensor.name, (None, None))
-        if name_node is None or not isinstance(node, yaml.MappingNode) or not node.value:
-            raise _NoEntryError
+        entry, axis = _entry(entries, sensor.name)
+        name_node, node = entries[entry]
         keys = _children(node)
         if keys[KIND][1].value != sensor.kind.value:
             raise _NoEntryError
         by_default = _children(defaults.get(sensor.kind.value, (None, None))[1])
-        values = _values(sensor, sensors[sensor.name], found, _texts(by_default) | _texts(keys))
-        added = []
-        for key, value in values.items():
-            if key in keys:
-                old = keys[key][1]
-                yield _Edit(old.start_mark.index, old.end_mark.index, value)
-            else:
-                added.append(f'{key}: {value}')
-        if added:
-            yield _added(text, node, added)
-        comments[name_node.start_mark.index] = sensor.name, _comment(found, values)
+        texts = _texts(by_default) | _texts(keys)
+        if axis:
+            axes = keys[AXES][1]
+            if isinstance(axes, yaml.SequenceNode):
+                values = _values(sensor, sensors[sensor.name], found, texts)
+                listed.setdefault(entry, {})[axis] = values, _comment(found, values)
+                continue
+            name_node, node = _children(axes)[axis]
+            keys = _children(node)
+            texts |= _texts(keys)
+        values = _values(sensor, sensors[sensor.name], found, texts)
+        yield from _changed(text, node, keys, values)
+        comments.append((name_node.start_mark.index, sensor.name, _comment(found, values)))
+    for entry, of_axes in listed.items():
+        name_node, node = entries[entry]
+        if _is_flow(node):
+            said = [(f'{entry}_{axis}', words) for axis, (_, words) in of_axes.items()]
+            comments += [(name_node.start_mark.index, *one) for one in said]
+        yield from _axes_with_keys(text, node, of_axes)
     yield from _comments(text, comments)
+
+
+def _entry(entries: Mapping[str, tuple[yaml.Node, yaml.Node]], name: str) -> tuple[str, str]:
+    """Find the entry that a sensor comes from, and its axis where the entry has several."""
+    if _children(entries.get(name, (None, None))[1]):
+        return name, ''
+    entry, _, axis = name.rpartition('_')
+    if AXES in _children(entries.get(entry, (None, None))[1]):
+        return entry, axis
+    raise _NoEntryError
+
+
+def _changed(
+    text: str,
+    node: yaml.Node,
+    keys: Mapping[str, tuple[yaml.Node, yaml.Node]],
+    values: Mapping[str, str],
+) -> Iterator[_Edit]:
+    """Put values into a mapping, which may be empty or missing."""
+    added = []
+    for key, value in values.items():
+        if key in keys:
+            old = keys[key][1]
+            yield _Edit(old.start_mark.index, old.end_mark.index, value)
+        else:
+            added.append(f'{key}: {value}')
+    if not added:
+        return
+    if isinstance(node, yaml.MappingNode) and node.value:
+        yield _added(text, node, added)
+        return
+    begin = node.start_mark.index
+    blank = '' if isinstance(node, yaml.MappingNode) else ' '
+    yield _Edit(begin, node.end_mark.index, f'{blank}{{{", ".join(added)}}}')
+
+
+def _axes_with_keys(
+    text: str, node: yaml.Node, of_axes: Mapping[str, tuple[dict[str, str], str]]
+) -> Iterator[_Edit]:
+    """Replace a list of axes by axes with keys, each in a line of its own if there is room."""
+    key, axes = _children(node)[AXES]
+    inside = []
+    for letter in (one.value for one in axes.value):
+        values, words = of_axes.get(letter, ({}, ''))
+        written = ', '.join(f'{name}: {value}' for name, value in values.items())
+        comment = '' if _is_flow(node) else _said(words)
+        inside.append(f'{letter}: {{{written}}}{comment}')
+    if _is_flow(node):
+        yield _Edit(axes.start_mark.index, axes.end_mark.index, f'{{{", ".join(inside)}}}')
+        return
+    newline = '\r\n' if '\r\n' in text else '\n'
+    indent = ' ' * (key.start_mark.column + INDENT)
+    last = axes.end_mark.index if _is_flow(axes) else axes.value[-1].end_mark.index
+    end = _line_end(text, last)
+    yield _Edit(key.end_mark.index, last, ':')
+    yield _Edit(end, end, ''.join(f'{newline}{indent}{line}' for line in inside))
 
 
 def _children(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
@@ -137,6 +203,10 @@ def _children(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
     if not isinstance(node, yaml.MappingNode):
         return {}
     return {key.value: (key, value) for key, value in node.value}
+
+
+def _is_flow(node: yaml.Node) -> bool:
+    return isinstance(node, yaml.CollectionNode) and bool(node.flow_style)
 
 
 def _texts(keys: Mapping[str, tuple[yaml.Node, yaml.Node]]) -> dict[str, str]:
@@ -161,18 +231,20 @@ def _added(text: str, node: yaml.MappingNode, lines: list[str]) -> _Edit:
     return _Edit(begin, begin, ''.join(f'{line}{newline}{indent}' for line in lines))
 
 
-def _comments(text: str, comments: Mapping[int, tuple[str, str]]) -> Iterator[_Edit]:
+def _comments(text: str, comments: list[tuple[int, str, str]]) -> Iterator[_Edit]:
     """Say at the end of the line of a sensor's name what was found."""
     lines: dict[int, list[tuple[str, str]]] = {}
-    for index, said in comments.items():
-        lines.setdefault(_line_end(text, index), []).append(said)
+    for index, *said in comments:
+        lines.setdefault(_line_end(text, index), []).append((said[0], said[1]))
     for end, all_said in lines.items():
         begin = text.rfind('\n', 0, end) + 1
         old = _OLD_COMMENT.search(text[begin:end])
         words = [f'{name}: {words}' if len(all_said) > 1 else words for name, words in all_said]
-        yield _Edit(
-            begin + old.start() if old else end, end, f'  # calibrated: {"; ".join(words)}'
-        )
+        yield _Edit(begin + old.start() if old else end, end, _said('; '.join(words)))
+
+
+def _said(words: str) -> str:
+    return f'  # calibrated: {words}' if words else ''
 
 
 def _line_end(text: str, index: int) -> int:

@@ -173,7 +173,7 @@ class _Probe(_Channel):
 
 
 # Keys that may differ among the axes of a triaxial sensor.
-_OF_AXIS = (*_Channel.model_fields, 'reads_gravity')
+_OF_AXIS = (*_Channel.model_fields, 'reads_gravity', 'direction')
 
 _AnySensor = _ForceSensor | _Probe | _Accelerometer
 
@@ -323,12 +323,14 @@ def _checked(key: str, read: Callable[[], Value]) -> Value:
 def _recorded_unit(text: str, kind: SensorKind) -> str:
     unit = text.strip() or kind.unit
     try:
-        same_dimension(unit, kind.unit)
+        is_mass = same_dimension(unit, 'kg')
     except UnitError:
         raise ValueError(
             f'found {shown(text)}, which is no known unit; expected that of the recorded '
             f'numbers, e.g. "{kind.unit}" or "V" ("count" for steps of a converter)'
         ) from None
+    if is_mass and kind is SensorKind.ACCELERATION:
+        raise ValueError(f'found {shown(text)}, which is a mass; gravity is written "g_0"')
     return unit
 
 
@@ -355,8 +357,11 @@ def _amount(text: str, unit: str, gain: float, kind: SensorKind) -> float:
     expected = f'{measured} such as "{example}", or a value in "{unit}"'
     try:
         return Quantity(kind.unit, expected).number(text)
-    except ValueError:
-        return Quantity(unit, expected).number(text) / abs(gain)
+    except ValueError as error:
+        try:
+            return Quantity(unit, expected).number(text) / abs(gain)
+        except ValueError:
+            raise error from None
 
 
 def _full_scale(text: str, unit: str, gain: float, kind: SensorKind) -> float:

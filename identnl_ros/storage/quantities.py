@@ -35,6 +35,7 @@ _NUMBER_AND_UNIT = re.compile(r'([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.
 _UNIT_FACTOR = re.compile(r'%|[^\W\d]\w*(?:\s*(?:\^|\*\*)\s*-?\d{1,2}(?:\.\d{1,12})?)?')
 _UNIT_JOINTS = re.compile(r'[\s()*/·]*')
 _LONGEST_UNIT = 80
+_GRAM = re.compile(r'(?<!\w)([munkµ]?)([gG])(?!\w)')
 _DIRECTION = re.compile(r'([+-]?)([xyz])')
 _PARAMETER = re.compile(r'[^\W\d][\w-]*\.\w+')
 
@@ -346,7 +347,7 @@ def convert(number: float, unit: str, to_unit: str) -> float:
     if _angular(new) and old.dimensionality == {'[time]': -1} and not _angular(old):
         raise UnitError(', a frequency instead of an angular velocity (multiply by 2 pi)')
     if old.dimensionality != new.dimensionality:
-        raise UnitError('')
+        raise UnitError(_if_gravity_is_meant(unit, to_unit))
     try:
         result = float(_registry().Quantity(number, old).to(new).magnitude)
     except (ArithmeticError, ValueError, TypeError):
@@ -461,6 +462,16 @@ def _unit(text: str) -> 'pint.Unit':
     except Exception:  # whatever a foreign parser makes of a text that people typed
         raise unknown from None
     return unit
+
+
+def _if_gravity_is_meant(unit: str, to_unit: str) -> str:
+    """Say it where a gram, or a gauss, would be right as the acceleration of gravity."""
+    meant = _GRAM.sub(r'\1g_0', unit)
+    if meant == unit or not (is_unit(meant) and same_dimension(meant, to_unit)):
+        return ''
+    letter = _GRAM.findall(unit)[0][1]
+    what = 'gram' if letter == 'g' else 'gauss'
+    return f', where "{letter}" is the {what} (gravity is "g_0": write "{meant}")'
 
 
 def _angular(unit: 'pint.Unit') -> bool:

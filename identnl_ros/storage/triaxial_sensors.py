@@ -4,7 +4,8 @@
 Triaxial sensors of a layout file: one entry with the key ``axes`` stands for up to three sensors.
 
 The entry NAME gives NAME_x, NAME_y and NAME_z along the sensor's own axes, which ``orientation``
-places in the machine frame. Keys of the entry hold for all axes, keys below an axis for it alone.
+places in the machine frame. Keys of the entry hold for all axes, keys below an axis for it alone;
+an axis that is a little off its place has a direction of its own.
 """
 
 from collections.abc import Collection
@@ -103,7 +104,7 @@ def _sensors(
     made = {}
     for letter, own in own_keys.items():
         along = [repr(float(number)) for number in directions[LETTERS.index(letter)]]
-        made[f'{path[1]}_{letter}'] = {**common, **own, DIRECTION: along}
+        made[f'{path[1]}_{letter}'] = {**common, DIRECTION: along, **own}
     return made
 
 

@@ -373,6 +373,71 @@ def test_numbers_are_put_into_any_form_of_text(form):
     assert ('\r\n' in again.text) == ('\r\n' in text)
 
 
+TRIAXIAL = """\
+# Corner of the sled.
+defaults:
+  acceleration: {unit: mV, gain: 100 mV/g_0, noise: 0.5e-3 g_0}   # data sheet
+sensors:
+  corner:    # glued
+    kind: acceleration
+    body: sled
+    point: [0, 0, 0]
+    axes: [x, z]   # y is broken
+    orientation: {x: +z, y: -x}
+"""
+AXES = {
+    'a list': TRIAXIAL,
+    'a list over lines': TRIAXIAL.replace('[x, z]', '\n      - x\n      - z'),
+    'line ends of Windows': TRIAXIAL.replace('\n', '\r\n'),
+    'with keys': TRIAXIAL.replace('[x, z]', '{x: {gain: 98.7 mV/g_0}, z: {}}'),
+    'in lines of their own': TRIAXIAL.replace(
+        '[x, z]', '\n      x:   # upwards\n        gain: 98.7 mV/g_0\n      z:'
+    ),
+    'all in one line': 'sensors: {corner: {kind: acceleration, body: sled, point: [0, 0, 0], '
+    'unit: mV, gain: 100 mV/g_0, noise: 0.5e-3 g_0, axes: [x, z], orientation: {x: +z, y: -x}}}',
+}
+
+
+@pytest.mark.parametrize('form', AXES)
+def test_numbers_are_put_into_triaxial_entries_of_any_form(form):
+    text = AXES[form]
+    before = {one.name: one for one in read_layout(text, 'layout').sensors}
+    assert set(before) == {'corner_x', 'corner_z'}
+    axis = np.array([1.0, 0.0, 0.0])
+    found = [
+        Calibrated('corner_x', Property.GAIN, before['corner_x'].gain, 10.3, 1e-3),
+        Calibrated('corner_x', Property.DIRECTION, 0.0, 0.03, 1e-3, axis),
+        Calibrated('corner_x', Property.NOISE, before['corner_x'].noise, 0.0061, 1e-5),
+        Calibrated('corner_z', Property.DELAY, 0.0, 31.4e-6, 1e-7),
+    ]
+    for _ in range(2):
+        edited = edited_layout(text, 'layout', tuple(found))
+        assert not edited.whole
+        sensors = {one.name: one for one in read_layout(edited.text, 'edited').sensors}
+        assert sensors['corner_x'].gain == pytest.approx(10.3, abs=1e-4)
+        assert sensors['corner_x'].noise == pytest.approx(0.0061, abs=1e-6)
+        np.testing.assert_allclose(
+            sensors['corner_x'].direction, [np.sin(0.03), 0, np.cos(0.03)], atol=1e-4
+        )
+        assert sensors['corner_x'].delay == 0
+        assert sensors['corner_z'].delay == pytest.approx(31.4e-6, abs=1e-8)
+        assert sensors['corner_z'].gain == before['corner_z'].gain
+        np.testing.assert_array_equal(sensors['corner_z'].direction, before['corner_z'].direction)
+        # 10.3 mV/(m/s^2), in the unit of the file.
+        assert 'mV/g_0' in edited.text.partition('axes')[2]
+        assert '101.00' in edited.text
+        for line in AXES[form].splitlines():
+            if '#' in line:
+                assert line[line.index('#') :].strip() in edited.text
+        assert '# calibrated: ' in edited.text
+        assert ('\r\n' in edited.text) == ('\r\n' in text)
+        # Once more into what was written, with the direction as it is now.
+        text, found = edited.text, [one for one in found if one.what is not Property.DIRECTION]
+    assert edited.text.count('# calibrated: ') == (
+        1 if form in ('all in one line', 'with keys') else 2
+    )
+
+
 def test_a_sensor_that_is_no_entry_of_its_own_is_written_anew(monkeypatch):
     from identnl_ros.storage import layout_editing
 

@@ -4,6 +4,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 
@@ -78,6 +79,24 @@ def test_bag_with_few_missing_readings_is_sound_with_a_remark(
     assert ('remark: ' if sound else 'problem: ') + sentence in identnl('check', bag).stdout
 
 
+def test_what_all_channels_have_in_common_is_told_once(identnl, config, tmp_path):
+    readings = np.random.default_rng(1).standard_normal((4000, 2))
+    rows = [f'{one},{other}' for one, other in readings]
+    rows[1000:1500] = [','] * 500
+    (tmp_path / 'a.csv').write_text('V1,V2\n' + '\n'.join(rows), 'utf-8')
+    bag, layout = tmp_path / 'a.mcap', config / 'oscillator_layout.yaml'
+    identnl('import', tmp_path / 'a.csv', '--layout', layout, '--out', bag)
+    result = identnl('check', bag)
+    (told,) = [line for line in result.stdout.splitlines() if 'without a valid' in line]
+    assert told.startswith('  problem: all channels: 500 samples without a valid number from ')
+    assert 'no valid sample for long' not in result.stdout
+    (left_out,) = [line for line in result.stdout.splitlines() if 'left out' in line]
+    # 0.1 s, but for the last one, until the channels are trusted again.
+    assert left_out == '    left out: all channels: missing 500, lost 60'
+    assert max(map(len, result.stdout.splitlines())) < 200
+    assert '    samples: 4000' in result.stdout.splitlines()
+
+
 def test_gap_of_a_bag_is_told_with_its_share(identnl, config, tmp_path):
     kept = [*range(2000), *range(2010, 4000)]
     layout = tmp_path / 'layout.yaml'
@@ -111,3 +130,36 @@ def test_numbers_for_people_have_units(identnl, config):
         'displacement standard deviation [m, rad]: ',
     ):  # fmt: skip
         assert words in result.stdout
+
+
+def test_layout_is_checked_against_the_machine_on_the_same_command_line(identnl, config, tmp_path):
+    machine, layout = config / 'knee_column.yaml', tmp_path / 'a.yaml'
+    text = (config / 'knee_column_layout.yaml').read_text('utf-8')
+    layout.write_text(text.replace('body: knee', 'body: kne', 1), 'utf-8')
+    for paths in ((machine, layout), (layout, machine)):
+        result = identnl('check', *paths)
+        assert result.exit_code == 1
+        assert '"kne" is no body of machine knee_and_column' in result.stdout
+    alone = identnl('check', layout)
+    assert alone.exit_code == 0
+    assert 'not compared with a machine' in alone.stdout
+
+
+def test_of_several_machines_a_layout_is_checked_against_that_of_its_name(document, config):
+    found = document(
+        'check', config / 'knee_column.yaml', config / 'oscillator.yaml',
+        config / 'oscillator_layout.yaml',
+    )  # fmt: skip
+    assert found['sound']
+    assert found['files'][-1]['machine'] == 'oscillator'
+
+
+@pytest.mark.parametrize(('mass', 'told'), [('27', True), ('25', False), ('85 g', False)])
+def test_front_mass_that_is_much_of_its_body_is_remarked(document, config, tmp_path, mass, told):
+    layout = tmp_path / 'a.yaml'
+    text = (config / 'knee_column_layout.yaml').read_text('utf-8')
+    layout.write_text(text.replace('kind: force', f'kind: force, front_mass: {mass}'), 'utf-8')
+    found = document('check', config / 'knee_column.yaml', layout)
+    assert found['sound']
+    remarks = found['files'][-1]['remarks']
+    assert [('front_mass of 27 kg' in one and '"85 g"' in one) for one in remarks] == [True] * told

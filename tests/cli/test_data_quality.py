@@ -8,10 +8,12 @@ import json
 from identnl_ros.core.measurement.layout import SensorKind
 from identnl_ros.core.measurement.observation import observe_motion
 from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.sources.offline import identify_bags
 from identnl_ros.storage.machine_file import read_machine
+import numpy as np
 import pytest
 
-from tests.faulty_bags import inverted, recorded, stuck, write_faulty
+from tests.faulty_bags import inverted, RATE, recorded, stuck, write_faulty
 
 
 @pytest.fixture(scope='module')
@@ -60,6 +62,28 @@ def test_estimates_are_in_doubt_where_a_wrong_sensor_is_needed(identnl, tmp_path
     assert not found['trusted']
     assert any(note.startswith('knee_s1x: reads -1.') for note in found['notes'])
     assert not any(one['status'] == 'ok' for one in found['parameters'])
+    assert result.stderr.count('knee_s1x: reads -1.') == 1
+    assert 'the search may take long' in result.stderr
+
+
+@pytest.mark.parametrize('estimator', ['pointwise', 'likelihood'])
+def test_wrong_sensor_is_told_before_the_search(inverted_bag, estimator):
+    class StopError(Exception):
+        pass
+
+    events = []
+
+    def doing(what):
+        events.append(what.partition(' ')[0])
+        if events[-1] == 'fitting':
+            raise StopError
+
+    with pytest.raises(StopError):
+        identify_bags([inverted_bag], estimator=estimator, tell=events.append, doing=doing)
+    reading, sentence, fitting = events
+    assert (reading, fitting) == ('reading', 'fitting')
+    assert sentence.startswith('knee_s1x: reads -1.00')
+    assert sentence.endswith('(left out)')
 
 
 def without_redundant_probes() -> set[str]:
@@ -85,6 +109,23 @@ def test_stuck_accelerometer_is_left_out_with_its_cause(document, tmp_path):
     assert any('column_a2y' in one and 'times as large' in one for one in found['problems'])
     assert within_intervals(found) >= 13
     assert found['rejected_samples'] < 0.02 * found['samples']
+
+
+def test_same_loss_of_several_channels_is_counted_once_and_told_in_one_sentence(
+    document, tmp_path
+):
+    names = ['knee_a2y', 'knee_a4x', 'knee_a4y']
+
+    def silent(samples, columns):
+        samples[2000:3000, [columns[name] for name in names]] = np.nan
+
+    found = document('identify', write_faulty(tmp_path / 'silent.mcap', silent))
+    (sentence,) = [one for one in found['problems'] if 'samples left out' in one]
+    ready = round(0.1 * RATE) - 1  # valid again, but not trusted yet
+    assert sentence == (
+        f'{", ".join(names)}: {1000 + ready} samples left out (1000 missing, {ready} lost)'
+    )
+    assert found['left_out'] == {name: {'missing': 1000, 'lost': ready} for name in names}
 
 
 def within_intervals(found) -> int:

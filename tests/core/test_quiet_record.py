@@ -129,6 +129,9 @@ def test_hum_in_the_cables_is_no_motion():
     assert motion_at_rest(BLOCK, [one], layout) == ()
 
 
-def test_a_short_record_is_refused():
-    with pytest.raises(DataError, match='record for longer'):
-        quiet_channels([record(np.zeros((2000, 4)), LINE)], LINE)
+def test_a_short_record_is_refused_with_the_seconds_that_are_needed():
+    noise = np.random.default_rng(1).standard_normal((5632, 4))
+    words = rf'no channel is valid for {5632 / RATE:.3g} s \(5632 samples at {RATE:g} Hz\)'
+    with pytest.raises(DataError, match=rf'{words}.* found a record of {5631 / RATE:.3g} s'):
+        quiet_channels([record(noise[:-1], LINE)], LINE)
+    assert len(quiet_channels([record(noise, LINE)], LINE)) == 4

@@ -185,5 +185,7 @@ def test_25_microseconds_cost_a_quarter_of_the_damping():
     assert text is not None
     assert 'daq: a delay of 25 us may remain' in text
     assert 'mode at 60 Hz by up to 24%' in text
+    late = delay_warning('daq', 1.96e-3, np.array([10.07]), np.array([0.04]))
+    assert 'daq: a delay of 1.96 ms may remain' in str(late)
     assert delay_warning('daq', 1e-7, np.array([60.0]), np.array([0.02])) is None
     assert 'by any amount' in str(delay_warning('daq', np.inf, np.ones(1), np.ones(1)))

@@ -154,8 +154,11 @@ def test_stream_of_a_device_that_comes_back_identifies_the_machine(start, watche
     bridge.signal(signal.SIGTERM)
     final = watcher.final_estimate(240)
     assert bridge.exit_code() == 0
-    assert 'is lost: no samples for 1.5 s' in bridge.output
-    assert 'is back after' in bridge.output
+    lines = bridge.output.splitlines()
+    for words, level in (('is lost: no samples for 1.5 s', '[WARN]'), ('is back after', '[INFO]')):
+        told = [line for line in lines if words in line]
+        assert told
+        assert all(line.startswith(level) for line in told)
 
     assert len({block.stream_id for block in watcher.blocks}) == 1
     assert watcher.blocks[-1].last_block

@@ -3,6 +3,9 @@
 
 """Nodes are managed: asked for what is possible they do it, else they say no and live."""
 
+import signal
+
+from identnl_ros.storage.bag_reader import open_bag
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
@@ -71,10 +74,16 @@ def test_failed_configuration_is_told_in_a_sentence(start, watcher, tmp_path):
         ('recorder', {}, 'parameter path is empty'),
         ('sensor_bridge', {}, 'parameter machine_file is empty'),
         ('sensor_bridge', {'source': 'radio'}, 'source "radio" is not installed'),
+        ('sensor_bridge', {'source': 'list'}, 'installed are bag, nidaqmx, opendaq, simulated'),
         ('sensor_bridge', {'source': 'bag', 'bag': 'nowhere'}, 'nowhere'),
         ('identifier', {'estimator': 'magic'}, 'expected one of: weak, pointwise'),
         ('transform', {'machine_file': 'nowhere.yaml'}, 'nowhere.yaml'),
-        ('sensor_bridge', {'duration': 5}, 'with a point, e.g. 2.0'),
+        ('sensor_bridge', {'duration': 5}, 'with a point, e.g. 5.0'),
+        ('sensor_bridge', {'topics.topics': '/rig/cell'}, 'write a list: ["/rig/cell"]'),
+        ('sensor_bridge', {'topics.topics': 5}, 'write a list: ["5"]'),
+        ('sensor_bridge', {'machine_file': 5}, 'write a text in two kinds of quotes: "\'5\'"'),
+        ('sensor_bridge', {'seed': 2.5}, 'a whole number without a point'),
+        ('sensor_bridge', {'autostart': 1}, 'write true or false'),
         ('sensor_bridge', {'duration': -5.0}, 'out of its range'),
     ],
 )
@@ -83,6 +92,22 @@ def test_unsound_parameter_ends_a_node_that_starts_itself(start, module, setting
     assert process.exit_code() == 1
     assert sentence in process.output
     assert 'Traceback' not in process.output
+
+
+def test_recording_without_a_message_does_not_block_the_next_start(
+    start, watcher, bridge_settings, tmp_path
+):
+    bag = tmp_path / 'run.mcap'
+    settings = {**bridge_settings, 'path': bag}
+    failed = start('stand', **{**settings, 'source': 'bag', 'bag': 'nowhere'})
+    assert failed.exit_code() == 1
+    assert f'{bag} is empty and removed' in failed.output
+    assert not bag.exists()
+    again = start('stand', **settings)
+    assert watcher.final_estimate().samples_used
+    again.signal(signal.SIGTERM)
+    assert again.exit_code() == 0
+    assert sum(len(block.samples) for block in open_bag(bag).blocks())
 
 
 @pytest.mark.parametrize('module', EXECUTABLES)

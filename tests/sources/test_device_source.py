@@ -7,9 +7,11 @@ import threading
 import time
 
 from identnl_ros.core.errors import DataError, LayoutError
+from identnl_ros.core.good_news import GoodNews
 from identnl_ros.core.measurement.blocks import ChannelStatus
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
-from identnl_ros.sources.device import DeviceLost
+from identnl_ros.sources.device import DeviceChannel, DeviceLost
+from identnl_ros.sources.device_channels import sensors_of_devices
 from identnl_ros.sources.device_reader import Patience
 from identnl_ros.sources.device_source import DeviceSource
 import numpy as np
@@ -150,6 +152,35 @@ def test_missing_channel_is_told_with_what_there_is_the_closest_first():
     assert device.closed == 1
 
 
+def test_channels_of_several_devices_are_told_as_a_layout_writes_them():
+    # As topics name their channels; a name that both devices have needs its device.
+    devices = [
+        ('/rig/cell', (DeviceChannel('/rig/cell.wrench.force.x', 'N'), DeviceChannel('t', ''))),
+        ('/rig/probe', (DeviceChannel('/rig/probe.data', ''), DeviceChannel('t', ''))),
+    ]
+
+    def told(column):
+        with pytest.raises(LayoutError) as error:
+            sensors_of_devices(layout(probe('x', column=column)), devices, print)
+        return str(error.value)
+
+    wrong = told('/rig/cell.force.x')
+    assert wrong.endswith('; did you mean "/rig/cell.wrench.force.x"?')
+    _, _, listed = wrong.partition(', expected one of ')
+    names = listed.partition(';')[0].split(', ')
+    assert sorted(names) == [
+        '/rig/cell.wrench.force.x',
+        '/rig/cell/t',
+        '/rig/probe.data',
+        '/rig/probe/t',
+    ]
+    for name in names:
+        force = Sensor('f', SensorKind.FORCE, excitation='shaker', column=name)
+        place = probe('x', column=name)
+        sensors_of_devices(layout(force if 'force' in name else place), devices, print)
+    assert 'did you mean' not in told('speed')
+
+
 def test_unit_of_another_quantity_is_refused():
     device = ScriptedDevice({'a': 'm/s', 'b': ''})
     with pytest.raises(LayoutError, match=r'sensor x: device box gives channel a in m/s.* m \('):
@@ -240,6 +271,7 @@ def test_stream_goes_on_after_a_loss_as_far_as_time_has_passed(stream, device, l
         'device box is lost',
         'device box is back',
     ]
+    assert [isinstance(sentence, GoodNews) for sentence in run.told] == [False, True]
 
 
 def test_clock_of_the_device_counts_on_while_it_is_away(stream, device):

@@ -190,6 +190,18 @@ def test_error_leaves_a_live_recording_complete(tmp_path):
         assert_same_stream(tmp_path / name, blocks(2)[:1])
 
 
+@pytest.mark.parametrize('name', ['a.mcap', 'folder'])
+def test_live_recording_without_a_message_leaves_nothing_that_blocks_the_next(tmp_path, name):
+    for _ in range(2):
+        with BagWriter(tmp_path / name, keep_partial=True) as writer:
+            assert writer.is_empty
+        assert list(tmp_path.iterdir()) == []
+    with BagWriter(tmp_path / name, keep_partial=True) as writer:
+        writer.write_description(description())
+        assert not writer.is_empty
+    assert (tmp_path / name).exists()
+
+
 def test_killed_recorder_loses_only_what_it_had_not_flushed(tmp_path):
     code = (
         'import os, sys\n'

@@ -239,7 +239,7 @@ BAD = [
     ('unit: nm', 'unit: V\n    gain: 5', 6, 'gain: found "5", expected a gain'),
     ('unit: nm', 'unit: nm\n    gain: 1 nm', 6, 'expected a plain factor'),
     ('unit: nm', 'unit: nm\n    gain: 0', 10, 'sensor probe: gain is 0.0'),
-    ('10 mV/(m/s^2)', '10 mV/g', 20, 'gain: found "10 mV/g", expected a gain from an accel'),
+    ('10 mV/(m/s^2)', '10 mV/g', 20, 'gain: found "10 mV/g", where "g" is the gram (grav'),
     ('  displacement:', '  displacements:', 4, 'did you mean "displacement"?'),
     ('kind: displacement', 'kind: strain', 10, 'sensors.probe.kind: found "strain", expected'),
     ('    kind: displacement\n', '', 9, 'sensors.probe.kind: found nothing, expected'),
@@ -277,8 +277,16 @@ def test_bad_file_gives_one_line_with_place_and_cause(old, new, line, words):
     assert '\n' not in message
 
 
+def test_axis_that_is_off_its_place_has_a_direction_of_its_own():
+    text = TRIAXIAL.replace('z: {column', 'z: {direction: [0.1, -1, 1], column')
+    _, x, y, z, *_ = read_layout(text, 'text').sensors
+    _, own_x, own_y, *_ = read_layout(TRIAXIAL, 'text').sensors
+    np.testing.assert_allclose(z.direction, np.array([0.1, -1, 1]) / np.sqrt(2.01))
+    np.testing.assert_array_equal([x.direction, y.direction], [own_x.direction, own_y.direction])
+
+
 BAD_TRIAXIAL = [
-    ('9.8 mV/(m/s^2)', '9.8 mV/g', 12, 'sensors.corner_x.gain: found "9.8 mV/g", expected a gain'),
+    ('9.8 mV/(m/s^2)', '9.8 mV/m', 12, 'sensors.corner_x.gain: found "9.8 mV/m", expected a gain'),
     ('y:\n', 'w:\n', 13, 'sensors.corner.axes.w: is no axis; expected some of'),
     ('y:\n', 'y: 3\n', 13, 'sensors.corner.axes.y: found "3", expected keys and values'),
     ('delay: 2 us', 'dely: 2', 14, 'sensors.corner.axes.z.dely: is no key of a single axis'),
@@ -291,6 +299,7 @@ BAD_TRIAXIAL = [
     ('y: -x}', 'y: [0, 0, 0]}', 15, 'orientation: y: direction is zero'),
     ('[0, 1, 1], y: -x', '[0, 1, 1]', 15, 'orientation: found keys and values, expected where'),
     ('y: -x}', 'w: -x}', 15, 'orientation: found "w", expected where at least two'),
+    ('z: {', 'z: {direction: up, ', 14, 'corner_z.direction: found "up", expected a direction'),
     ('y: -x}', 'y: up}', 15, 'orientation: y: found "up", expected a direction'),
     ('[z, x]', '[z, z]', 16, 'sensors.probe.axes.1: axis z is here twice'),
     ('[z, x]', '[]', 16, 'sensors.probe.axes: found a list of 0, expected some of the'),
@@ -348,3 +357,29 @@ def test_text_that_is_no_layout_file_gives_one_line(text, words):
 def test_missing_layout_is_a_layout_error():
     with pytest.raises(LayoutError, match='no such file'):
         load_layout(CONFIG / 'nothing_layout.yaml')
+
+
+@pytest.mark.parametrize(
+    ('sound', 'wrong', 'key', 'unit'),
+    [
+        ('gain: 10 mV/(m/s^2)', 'gain: 98.7 mV/g', 'gain', 'mV/g_0'),
+        ('gain: 10 mV/(m/s^2)', 'gain: 98.7 mV/G', 'gain', 'mV/g_0'),
+        ('noise: 1 mV', 'noise: 0.5 mg', 'noise', 'mg_0'),
+        ('resolution: 0.002 m/s^2', 'resolution: 50 ug', 'resolution', 'ug_0'),
+        ('unit: V', 'unit: g', 'unit', 'g_0'),
+    ],
+)
+def test_gram_in_place_of_gravity_is_told_with_the_unit_to_write(sound, wrong, key, unit):
+    with pytest.raises(LayoutError) as error:
+        read_layout(MINIMAL.replace(sound, wrong), 'text')
+    assert f'accelerometer.{key}: ' in str(error.value)
+    assert f'"{unit}"' in str(error.value)
+    if key != 'unit':
+        proposed = f'{wrong.rpartition(" ")[0]} {unit}'
+        sensor = read_layout(MINIMAL.replace(sound, proposed), 'text').sensors[-1]
+        expected = {
+            'gain': 0.0987 / 9.80665,
+            'noise': 0.5e-3 * 9.80665,
+            'resolution': 50e-6 * 9.80665,
+        }
+        assert getattr(sensor, key) == pytest.approx(expected[key])

@@ -5,7 +5,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from identnl_ros.core.calibration.quiet_statistics import QuietStatistics, white_noise
+from identnl_ros.core.calibration.quiet_statistics import QuietStatistics, SEGMENT, white_noise
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.layout import Layout, Sensor
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
@@ -116,7 +116,9 @@ def quiet_channels(records: Iterable[MeasuredRecord], layout: Layout) -> tuple[Q
 
     """
     found: list[QuietStatistics] = []
+    duration = 0.0
     for record in records:
+        duration += len(record.samples) / record.sample_rate
         found = found or [QuietStatistics(record.sample_rate) for _ in layout.sensors]
         if record.sample_rate != found[0].sample_rate:
             raise DataError(
@@ -131,11 +133,20 @@ def quiet_channels(records: Iterable[MeasuredRecord], layout: Layout) -> tuple[Q
         if one.segments >= FEWEST_SEGMENTS
     )
     if not channels:
-        raise DataError(
-            f'quiet record: no channel has {FEWEST_SEGMENTS} uninterrupted stretches of 1024 '
-            'samples that overlap by half; record for longer'
-        )
+        raise DataError(_too_short(duration, found[0].sample_rate if found else None))
     return channels
+
+
+def _too_short(duration: float, sample_rate: float | None) -> str:
+    # Segments overlap by half.
+    samples = (FEWEST_SEGMENTS + 1) * SEGMENT // 2
+    needed = f'{samples} samples'
+    if sample_rate is not None:
+        needed = f'{samples / sample_rate:.3g} s ({needed} at {sample_rate:g} Hz)'
+    return (
+        f'quiet record: no channel is valid for {needed} without a gap, found a record of '
+        f'{duration:.3g} s in all; record for longer'
+    )
 
 
 def _channel(sensor: Sensor, found: QuietStatistics, false_alarm: float) -> QuietChannel:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.quality.condition import Condition, Finding
 from identnl_ros.core.quality.mark import ALL_CHANNELS
+from identnl_ros.core.readable import readable
 import numpy as np
 from numpy.typing import NDArray
 
 # A fault that comes back after this is told again [s].
 QUIET = 1.0
 _ALL = -1
-_PREFIXES = ((1.0, ''), (1e-3, 'm'), (1e-6, 'u'), (1e-9, 'n'), (1e-12, 'p'))
 
 
 @dataclass
@@ -159,29 +159,6 @@ _WORDS = {
         'no valid sample for long: {samples} not used {since}; check cable, supply and source'
     ),
 }
-
-
-def readable(value: float, unit: str) -> str:
-    """
-    Write a number with a prefix people use.
-
-    Parameters
-    ----------
-    value : float
-    unit : str
-        SI.
-
-    Returns
-    -------
-    str
-
-    """
-    if not np.isfinite(value) or value == 0:
-        return f'{value:g} {unit}'.strip()
-    factor, prefix = next(
-        (pair for pair in _PREFIXES if abs(value) >= 0.9995 * pair[0]), _PREFIXES[-1]
-    )
-    return f'{value / factor:.3g} {prefix}{unit}'
 
 
 def bits_set(flags: NDArray[np.uint16]) -> tuple[Condition, ...]:

@@ -58,7 +58,8 @@ class ChannelQuality:
     samples, excluded : int
         Given out; of these left out.
     causes : dict from Condition to int
-        Samples left out for it; a sample may have several.
+        Samples left out for it; a sample may have several, but counts as lost only where it has
+        no other.
 
     """
 
@@ -340,7 +341,10 @@ class QualityMonitor:
         for condition in bits_set(one.flags):
             flagged = (one.flags & condition) != 0
             counts = flagged.sum(axis=0)
-            if condition in self._causes:
+            if condition is Condition.LOST:
+                others = EXCLUDING & ~Condition.LOST
+                self._causes[condition] += (flagged & ((one.flags & others) == 0)).sum(axis=0)
+            elif condition in self._causes:
                 self._causes[condition] += counts
             everywhere = condition is Condition.REPEAT
             for channel in [-1] if everywhere else np.flatnonzero(counts).tolist():

@@ -6,6 +6,7 @@ from identnl_ros.core.errors import IdentnlError
 from identnl_ros.core.mechanics.equilibrium import static_equilibrium
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.mechanics.modes import modes
+from identnl_ros.core.readable import readable
 import numpy as np
 from numpy.typing import NDArray
 
@@ -79,7 +80,7 @@ def delay_warning(
     if change is None:
         return None
     return (
-        f'{name}: a delay of {abs(delay) * 1e6:.3g} us may remain; it changes {change}. Measure '
+        f'{name}: a delay of {readable(abs(delay), "s")} may remain; it changes {change}. Measure '
         'longer, or with more motion or less noise'
     )
 

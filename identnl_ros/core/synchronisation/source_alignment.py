@@ -5,9 +5,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from identnl_ros.core.good_news import GoodNews
 from identnl_ros.core.measurement.blocks import NANOSECONDS
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.readable import readable
 from identnl_ros.core.synchronisation.alignment import ENOUGH, MOST_ROUNDS, SEARCH
 from identnl_ros.core.synchronisation.damping_cost import damped_modes, delay_warning
 from identnl_ros.core.synchronisation.delay_tracking import DELAY, DelayTracker, SKEW
@@ -385,10 +387,12 @@ class SourceAligner:
         if joined and self._model is None:
             self._remark(
                 f'{name}: aligned by its stamps alone; a delay remains, with a standard '
-                f'deviation of {deviation * 1e6:.3g} us. A machine file lets the motion align it'
+                f'deviation of {readable(deviation, "s")}. A machine file lets the motion align it'
             )
         elif text and not self._warned[number]:
             self._remark(text)
         elif self._warned[number] and not text:
-            self._remark(f'{name}: is aligned to {deviation * 1e6:.3g} us (standard deviation)')
+            self._remark(
+                GoodNews(f'{name}: is aligned to {readable(deviation, "s")} (standard deviation)')
+            )
         self._warned[number] = bool(text)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from identnl_ros.core.errors import DataError
+from identnl_ros.core.good_news import GoodNews
 from identnl_ros.core.measurement.blocks import NANOSECONDS
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.mechanics.model import Model
@@ -382,7 +383,7 @@ class StreamAlignment:
         if not one.begin <= place <= one.end:
             return
         self._aligner.join(one, now, (now - round(self._settling * self._rate), now))
-        self._remarks.append(f'{one.source.name}: is aligned and has readings again')
+        self._remarks.append(GoodNews(f'{one.source.name}: is aligned and has readings again'))
         one.silent = False
         self._look_soon(now)
 
@@ -401,7 +402,7 @@ class StreamAlignment:
             )
             self._aligner.hand_over(one)
         if one.silent and not silent:
-            self._remarks.append(f'{one.source.name}: is back')
+            self._remarks.append(GoodNews(f'{one.source.name}: is back'))
             self._look_soon(begin)
         one.silent = silent
 

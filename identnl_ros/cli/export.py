@@ -42,13 +42,15 @@ def command(
     from identnl_ros.core.errors import DataError
     from identnl_ros.storage.bag_reader import open_bag
     from identnl_ros.storage.layout_writing import layout_text
-    from identnl_ros.storage.replaced_file import write_text
+    from identnl_ros.storage.replaced_file import require_folder, write_text
     from identnl_ros.storage.table_export import export_table
 
-    if layout_out is not None and layout_out.exists():
-        raise DataError(
-            f'{layout_out} exists and is never overwritten; choose another path or remove it'
-        )
+    if layout_out is not None:
+        if layout_out.exists():
+            raise DataError(
+                f'{layout_out} exists and is never overwritten; choose another path or remove it'
+            )
+        require_folder(layout_out)
     opened = open_bag(bag)
     with progress_of(f'exporting {bag.name}') as report:
         exported = export_table(

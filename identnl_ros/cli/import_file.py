@@ -13,6 +13,8 @@ from identnl_ros.cli.output import command as reporting, Outcome, say
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.readable import readable
 
+MOST_NAMES_SHOWN = 20
+
 if TYPE_CHECKING:
     from identnl_ros.core.measurement.layout import Layout
     from identnl_ros.storage.several_tables import ImportedTables
@@ -61,6 +63,13 @@ if TYPE_CHECKING:
     type=float,
     help='Standard deviation of the begins, several TABLES [s]; default 0.005.',
 )
+@click.option(
+    '--ignore-column',
+    'ignored',
+    multiple=True,
+    metavar='NAME',
+    help='A column that is no time, whatever it looks like; may be given several times.',
+)
 @reporting
 def command(
     tables: tuple[Path, ...],
@@ -72,6 +81,7 @@ def command(
     starts: tuple[str, ...],
     same_start: bool,
     start_deviation: float | None,
+    ignored: tuple[str, ...],
 ) -> Outcome:
     """
     Turn recorded TABLES (CSV, UFF58, MATLAB, TDMS, HDF5, Parquet) into a bag.
@@ -105,8 +115,9 @@ def command(
                 layout_text=layout_file.text,
                 machine_text=machine_text,
                 progress=report,
+                ignored=ignored,
             )
-        return _told(tables, layout_file.layout, out, aligned)
+        return _told(tables, layout_file.layout, out, machine is not None, aligned)
     if starts or same_start or start_deviation is not None:
         raise DataError(
             '--start, --same-start and --start-deviation align several files; leave them out, or '
@@ -123,6 +134,7 @@ def command(
             layout_text=layout_file.text,
             machine_text=machine_text,
             progress=report,
+            ignored=ignored,
         )
     _say_noise(layout_file.layout)
     for note in imported.notes:
@@ -134,9 +146,35 @@ def command(
         'samples': imported.samples,
         'lost_samples': imported.lost_samples,
         'notes': list(imported.notes),
+        'time_columns': list(imported.time_columns),
+        'unused_columns': list(imported.unused_columns),
         'channels': [sensor.name for sensor in layout_file.layout.sensors],
     }
-    return Outcome(document, lambda: click.echo(f'{out}: {imported.samples} samples'))
+
+    def show() -> None:
+        click.echo(f'{out}: {imported.samples} samples')
+        _show_columns('', imported.time_columns, imported.unused_columns)
+        _show_next(out, machine is not None)
+
+    return Outcome(document, show)
+
+
+def _show_columns(table: str, times: Sequence[str], unused: Sequence[str]) -> None:
+    """Say by which columns the time was checked, and what nobody reads."""
+    if times:
+        click.echo(f'{table}time checked by: {_listed(times)}')
+    if unused:
+        click.echo(f'{table}columns that no sensor reads: {_listed(unused)}')
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - MOST_NAMES_SHOWN
+    return ', '.join(names[:MOST_NAMES_SHOWN]) + (f' and {more} more' if more > 0 else '')
+
+
+def _show_next(out: Path, has_machine: bool) -> None:
+    if not has_machine:
+        click.echo(f'no machine file is in it: identnl identify {out} needs --machine FILE')
 
 
 def _say_noise(layout: 'Layout') -> None:
@@ -168,7 +206,11 @@ def _times(starts: Sequence[str]) -> dict[str, int]:
 
 
 def _told(
-    tables: Sequence[Path], layout: 'Layout', out: Path, imported: 'ImportedTables'
+    tables: Sequence[Path],
+    layout: 'Layout',
+    out: Path,
+    has_machine: bool,
+    imported: 'ImportedTables',
 ) -> Outcome:
     """Make the outcome of several files."""
     _say_noise(layout)
@@ -183,8 +225,17 @@ def _told(
             'offset': one.offset,
             'skew': one.skew,
             'remaining': one.deviation,
+            'time_columns': list(times),
+            'unused_columns': list(unused),
         }
-        for path, one, rate in zip(tables, imported.sources, imported.rates, strict=True)
+        for path, one, rate, times, unused in zip(
+            tables,
+            imported.sources,
+            imported.rates,
+            imported.time_columns,
+            imported.unused_columns,
+            strict=True,
+        )
     ]
     document = {
         'bag': str(out),
@@ -205,5 +256,8 @@ def _told(
                 f'{one["skew"] * 1e6:.4g} ppm, a delay with a standard deviation of '
                 f'{readable(one["remaining"], "s")} remains'
             )
+        for one in sources:
+            _show_columns(f'{one["name"]}: ', one['time_columns'], one['unused_columns'])
+        _show_next(out, has_machine)
 
     return Outcome(document, show)

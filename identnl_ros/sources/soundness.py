@@ -80,7 +80,7 @@ def check_machine(path: Path) -> Findings:
         machine = load_machine(path).machine
         model = assemble(machine)
     except IdentnlError as error:
-        findings.problems.append(str(error))
+        findings.problems.extend(str(error).splitlines())
         return findings
     findings.facts = {
         'machine': machine.name,
@@ -137,7 +137,7 @@ def check_layout(path: Path, machine_path: Path | None) -> Findings:
             findings.facts |= _fit(machine, layout, layout.sample_rate or 1.0)
             findings.remarks.extend(_heavy_front_masses(machine, layout))
     except IdentnlError as error:
-        findings.problems.append(str(error))
+        findings.problems.extend(str(error).splitlines())
     return findings
 
 

@@ -32,6 +32,7 @@ from identnl_ros.storage.yaml_reading import (
     parse,
     read_text,
     StrictModel,
+    together,
     with_kind,
 )
 import numpy as np
@@ -248,15 +249,25 @@ def read_layout(text: str, where: str) -> Layout:
     Raises
     ------
     LayoutError
-        If the text does not describe sensors; names `where`, line and key.
+        If the text does not describe sensors; names `where`, line and key of every problem,
+        each in a line of its own.
 
     """
     document = with_single_axes(parse(text, where, LayoutError), _OF_AXIS)
     document = _with_defaults(document)
     model = document.validated(_Layout)
-    sensors = tuple(_sensor(name, entry, document) for name, entry in model.sensors.items())
+    sensors = []
+    errors: dict[str, LayoutError] = {}
+    for name, entry in model.sensors.items():
+        try:
+            sensors.append(_sensor(name, entry, document))
+        except LayoutError as error:
+            # A wrong default is told once.
+            errors.setdefault(str(error).replace(f'.{name}.', '.'), error)
+    if errors:
+        raise together(list(errors.values()))
     with located(document, {}):
-        return Layout(sensors, model.stand, model.sample_rate, model.gravity)
+        return Layout(tuple(sensors), model.stand, model.sample_rate, model.gravity)
 
 
 def default_layout_path(machine_path: str | Path) -> Path:

@@ -51,6 +51,27 @@ def write_bytes(path: Path, parts: Iterable[bytes]) -> None:
         stream.writelines(parts)
 
 
+def require_folder(path: Path) -> None:
+    """
+    Refuse a path whose folder is missing, as a mistyped one.
+
+    Parameters
+    ----------
+    path : Path
+        Of a file to be written.
+
+    Raises
+    ------
+    DataError
+
+    """
+    if not path.parent.is_dir():
+        raise DataError(
+            f'{path} cannot be written: there is no folder {path.parent}; make it, or correct the '
+            'path'
+        )
+
+
 @contextmanager
 def replaced(path: Path) -> Iterator[BinaryIO]:
     """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of one run, recorded by devices with clocks of their own, made into one bag."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -20,7 +20,7 @@ from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.formats.formats import open_table
 from identnl_ros.storage.formats.table import Progress, Table
 from identnl_ros.storage.stand_description import StandDescription
-from identnl_ros.storage.table_import import block_of, Note, Piece, read_table, start_of
+from identnl_ros.storage.table_import import block_of, Note, read_table, Reading, start_of
 import numpy as np
 
 # Of the begin of a recording, as its file states it [s].
@@ -48,6 +48,8 @@ class ImportedTables:
         About what was not understood.
     warnings : tuple of str
         About the alignment.
+    time_columns, unused_columns : tuple of tuple of str
+        Of each file: by which the time was checked, and what is neither that nor a sensor.
 
     """
 
@@ -58,6 +60,8 @@ class ImportedTables:
     rates: tuple[float, ...]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    time_columns: tuple[tuple[str, ...], ...]
+    unused_columns: tuple[tuple[str, ...], ...]
 
 
 @dataclass
@@ -66,9 +70,8 @@ class _File:
 
     name: str
     layout: Layout
-    rate: float
     start_ns: int
-    pieces: Iterator[Piece]
+    reading: Reading
     time: float = 0.0  # read up to, since the earliest begin [s]
 
 
@@ -87,6 +90,7 @@ def import_tables(
     machine_text: str = '',
     stream_id: int | None = None,
     progress: Progress | None = None,
+    ignored: Collection[str] = (),
 ) -> ImportedTables:
     """
     Make one bag from the files of one run, on the grid of the first.
@@ -109,6 +113,8 @@ def import_tables(
         Standard deviation of the stated begin of a file [s].
     format_name, ignore_units, layout_text, machine_text, stream_id, progress
         As `import_table` has them.
+    ignored : collection of str
+        Columns that are no times, as a sensor's column is given.
 
     Returns
     -------
@@ -126,18 +132,27 @@ def import_tables(
     if len(paths) < 2:
         raise DataError('import: one file alone needs no alignment; give several')
     with ExitStack() as stack:
-        tables = [stack.enter_context(open_table(Path(one), format_name)) for one in paths]
-        notes: list[str] = []
+        wanted = [
+            name for one in layout.sensors for name in (one.column, one.column.partition('/')[2])
+        ]
+        tables = [stack.enter_context(open_table(Path(one), format_name, wanted)) for one in paths]
+        notes = [note for table in tables for note in table.notes]
         note = None if ignore_units else notes.append
         files = _files(
-            tables, layout, note, _known_starts(tables, starts or {}), same_start, progress
+            tables,
+            layout,
+            note,
+            _known_starts(tables, starts or {}),
+            same_start,
+            progress,
+            _ignored(tables, ignored),
         )
-        grid_rate = layout.sample_rate or files[0].rate
+        grid_rate = layout.sample_rate or files[0].reading.sample_rate
         sources = [
             StreamSource(
                 one.name,
                 tuple(sensor.name for sensor in one.layout.sensors),
-                one.rate,
+                one.reading.sample_rate,
                 start_deviation,
             )
             for one in files
@@ -162,9 +177,11 @@ def import_tables(
         end - count,
         grid_rate,
         alignment.state,
-        tuple(one.rate for one in files),
+        tuple(one.reading.sample_rate for one in files),
         tuple(notes),
         alignment.remarks(),
+        tuple(one.reading.time_columns for one in files),
+        tuple(one.reading.unused_columns for one in files),
     )
 
 
@@ -203,7 +220,7 @@ def _aligned(files: list[_File], alignment: StreamAlignment) -> Iterator[Aligned
     while waiting:
         number = min(waiting, key=lambda each: waiting[each].time)
         file = waiting[number]
-        piece = next(file.pieces, None)
+        piece = next(file.reading.pieces, None)
         if piece is None:
             if number in empty:
                 raise DataError(
@@ -213,12 +230,12 @@ def _aligned(files: list[_File], alignment: StreamAlignment) -> Iterator[Aligned
             del waiting[number]
             continue
         index, samples = piece
-        begin = (file.start_ns - origin) / NANOSECONDS + index / file.rate
-        file.time = begin + len(samples) / file.rate
+        begin = (file.start_ns - origin) / NANOSECONDS + index / file.reading.sample_rate
+        file.time = begin + len(samples) / file.reading.sample_rate
         if file.time < common - BEFORE:
             continue
         empty.discard(number)
-        stamp = file.start_ns + round(index / file.rate * NANOSECONDS)
+        stamp = file.start_ns + round(index / file.reading.sample_rate * NANOSECONDS)
         alignment.add(number, index, stamp, np.where(np.isfinite(samples), samples, np.nan))
         yield from alignment.take()
     yield from alignment.end()
@@ -231,6 +248,7 @@ def _files(
     starts: list[int | None],
     same_start: bool,
     progress: Progress | None,
+    ignored: list[list[str]],
 ) -> list[_File]:
     owners = [_owner(sensor, tables) for sensor in layout.sensors]
     files = []
@@ -244,14 +262,14 @@ def _files(
         part = replace(layout, sensors=own, sample_rate=None)
         shown = None if number else progress
         try:
-            rate, pieces = read_table(table, part, note, shown)
+            reading = read_table(table, part, note, shown, ignored[number])
         except DataError:
             if layout.sample_rate is None:
                 raise
             part = replace(part, sample_rate=layout.sample_rate)
-            rate, pieces = read_table(table, part, note, shown)
-        begin = start if start is not None else start_of(table, same_start)
-        files.append(_File(table.path.stem, part, rate, begin, pieces))
+            reading = read_table(table, part, note, shown, ignored[number])
+        begin = start if start is not None else start_of(table, reading, same_start)
+        files.append(_File(table.path.stem, part, begin, reading))
     names = [one.name for one in files]
     if len(set(names)) < len(names):
         files = [
@@ -281,6 +299,24 @@ def _owner(sensor: Sensor, tables: list[Table]) -> tuple[int, Sensor]:
         f'sensor {sensor.name}: none of {names} has a column {sensor.column!r}; correct the key '
         'column in the layout'
     )
+
+
+def _ignored(tables: list[Table], ignored: Collection[str]) -> list[list[str]]:
+    """Share out the columns that are no times."""
+    shares: list[list[str]] = [[] for _ in tables]
+    for name in ignored:
+        stem, slash, rest = name.partition('/')
+        found = [
+            (number, rest)
+            for number, table in enumerate(tables)
+            if slash and stem in (table.path.stem, table.path.name)
+        ] or [(number, name) for number, table in enumerate(tables) if _has(table, name)]
+        if not found:
+            paths = ', '.join(str(table.path) for table in tables)
+            raise DataError(f'--ignore-column {name}: none of {paths} has such a column')
+        for number, own in found:
+            shares[number].append(own)
+    return shares
 
 
 def _has(table: Table, name: str) -> bool:

@@ -17,7 +17,7 @@ from identnl_ros.storage.formats.parquet_writer import write_parquet
 from identnl_ros.storage.formats.table import Progress
 from identnl_ros.storage.formats.uff58_writer import write_uff58
 from identnl_ros.storage.formats.writers import Recording, Writer
-from identnl_ros.storage.replaced_file import replaced
+from identnl_ros.storage.replaced_file import replaced, require_folder
 from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,7 @@ def export_table(
     ----------
     bag : Bag
     path : path
-        Must not exist.
+        Must not exist; its folder must.
     format_name : str or None
         One of `WRITERS`; None: by the end of the file's name.
     stream_number : int or None
@@ -85,7 +85,7 @@ def export_table(
     ------
     DataError
         If there is more than one stream to choose from, or none of the number, nothing to write,
-        or the file cannot be written.
+        no such folder, or the file cannot be written.
 
     """
     path = Path(path)
@@ -94,6 +94,7 @@ def export_table(
         raise DataError(
             f'{path} exists and is never overwritten; choose another path or remove it'
         )
+    require_folder(path)
     stream = _stream(bag, stream_number)
     first = end = samples = 0
     for index, block in _samples(bag, stream):

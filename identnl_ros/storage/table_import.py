@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of other programs made into bags."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -20,19 +20,17 @@ from identnl_ros.core.measurement.blocks import (
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.formats.formats import open_table
-from identnl_ros.storage.formats.table import Column, Progress, Table
+from identnl_ros.storage.formats.table import Column, NO_UNITS, Progress, Table
 from identnl_ros.storage.quantities import convert, is_unit, same_dimension, UnitError
 from identnl_ros.storage.stand_description import StandDescription
+from identnl_ros.storage.table_clock import Clock, TIME_TOLERANCE, Timeline
+from identnl_ros.storage.table_time import find_clocks
 import numpy as np
 from numpy.typing import NDArray
 
-TIME_TOLERANCE = 1e-6  # of the sample interval [-]
-ROWS_FOR_RATE = 1000
 LARGEST_READING = 1e100  # SI; more is no measurement, and its square would overflow
 EARLIEST_DATE = 1e8  # later times count from 1970 [s]
 
-_TIME_NAME = re.compile(r'(time|t)\s*([\[(]s[\])]|_s)?', re.IGNORECASE)
-_NO_UNITS = {'EU', '-'}  # engineering unit; else an exa-u, a mass
 _POWER_WITHOUT_SIGN = re.compile(r'(?<=[^\W\d])(\d)')
 
 Note = Callable[[str], None]
@@ -51,12 +49,18 @@ class Imported:
         By the time column, missing between the rows.
     notes : tuple of str
         Sentences about what was not understood.
+    time_columns : tuple of str
+        By which the time was checked.
+    unused_columns : tuple of str
+        That are neither sensors nor times.
 
     """
 
     samples: int
     lost_samples: int
     notes: tuple[str, ...] = ()
+    time_columns: tuple[str, ...] = ()
+    unused_columns: tuple[str, ...] = ()
 
 
 def import_table(
@@ -69,9 +73,10 @@ def import_table(
     layout_text: str = '',
     machine_text: str = '',
     stream_id: int | None = None,
-    start_ns: int = 0,
+    start_ns: int | None = None,
     compress: bool = False,
     progress: Progress | None = None,
+    ignored: Collection[str] = (),
 ) -> Imported:
     """
     Make a bag from a recorded file.
@@ -91,11 +96,13 @@ def import_table(
         Texts of the files, to be kept in the bag.
     stream_id : int or None
         None: a random one.
-    start_ns : int
-        Stamp of the first sample [ns].
+    start_ns : int or None
+        Stamp of the first sample [ns]; None: as the file tells it, or 0.
     compress : bool
     progress : callable or None
         Called with what is done and what there is to do.
+    ignored : collection of str
+        Columns that are no times, whatever they look like.
 
     Returns
     -------
@@ -109,14 +116,17 @@ def import_table(
         If two sensors read the same column.
 
     """
-    with open_table(Path(path), format_name) as table:
-        notes: list[str] = []
+    wanted = [sensor.column for sensor in layout.sensors]
+    with open_table(Path(path), format_name, wanted) as table:
+        notes = list(table.notes)
         note = None if ignore_units else notes.append
-        sample_rate, pieces = read_table(table, layout, note, progress)
+        reading = read_table(table, layout, note, progress, ignored)
+        if start_ns is None:
+            start_ns = reading.begin_ns or 0
         description = StandDescription(
             stand=layout.stand,
             stream_id=secrets.randbits(63) if stream_id is None else stream_id,
-            sample_rate=sample_rate,
+            sample_rate=reading.sample_rate,
             layout=layout,
             machine_text=machine_text,
             layout_text=layout_text,
@@ -125,17 +135,52 @@ def import_table(
         count = end = 0
         with BagWriter(bag_path, compress=compress) as writer:
             writer.write_description(description)
-            for (index, samples), last in _with_last(pieces):
+            for (index, samples), last in _with_last(reading.pieces):
                 block = block_of(description, index, samples, last)
                 writer.write_block(block)
                 count += len(samples)
                 end = block.next_index
-    return Imported(count, end - count, tuple(notes))
+    return Imported(count, end - count, tuple(notes), reading.time_columns, reading.unused_columns)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """
+    What is read from a table.
+
+    Parameters
+    ----------
+    sample_rate : float
+        [Hz].
+    pieces : iterator of tuple of int and ndarray, shape (n_samples, n_channels)
+        Running index of the first sample, which jumps where times are missing, and samples in
+        SI units; NaN for empty cells, infinite where the file says so.
+    time_columns : tuple of str
+        Names of the columns by which the time was checked.
+    unused_columns : tuple of str
+        Names of the columns that are neither sensors nor times.
+    begin_ns : int or None
+        Host time of the first sample, as the file tells it [ns]; None: it does not.
+    first_ns : int
+        Time of the first sample from an instant that is not known [ns].
+
+    """
+
+    sample_rate: float
+    pieces: Iterator[Piece]
+    time_columns: tuple[str, ...] = ()
+    unused_columns: tuple[str, ...] = ()
+    begin_ns: int | None = None
+    first_ns: int = 0
 
 
 def read_table(
-    table: Table, layout: Layout, note: Note | None = None, progress: Progress | None = None
-) -> tuple[float, Iterator[Piece]]:
+    table: Table,
+    layout: Layout,
+    note: Note | None = None,
+    progress: Progress | None = None,
+    ignored: Collection[str] = (),
+) -> Reading:
     """
     Read the samples of all sensors from a table.
 
@@ -143,21 +188,19 @@ def read_table(
     ----------
     table : Table
     layout : Layout
-        If neither it nor the file states a sample rate, a column ``time`` or ``t`` must tell it;
-        what is told several times must agree as far as its digits go.
+        If neither it nor the file states a sample rate, a column of times must tell it; what is
+        told several times must agree as far as its digits go.
     note : callable or None
         Called with sentences about units that are not known; None: the file's units do not
         count.
     progress : callable or None
         Called with what is done and what there is to do.
+    ignored : collection of str
+        Columns that are no times, whatever they look like.
 
     Returns
     -------
-    sample_rate : float
-        [Hz].
-    pieces : iterator of tuple of int and ndarray, shape (n_samples, n_channels)
-        Running index of the first sample, which jumps where times are missing, and samples in
-        SI units; NaN for empty cells, infinite where the file says so.
+    Reading
 
     Raises
     ------
@@ -182,23 +225,44 @@ def read_table(
     told = _told_rate(table, columns, layout.sample_rate)
     stated = layout.sample_rate or (told.sample_rate if told else None)
     source = 'the layout states' if layout.sample_rate else 'the file states'
-    clock = _clock(table, stated, source)
-    rate = clock.rate if clock else stated
+    left_out = [table.column(name, '--ignore-column') for name in ignored]
+    clocks = find_clocks(table, columns, left_out, stated, source)
+    rate = stated or next((clock.rate for clock in clocks), None)
     if rate is None:
         raise DataError(
             f'{table.path}: the sample rate is not known: the layout has no sample_rate and the '
             'file no column "time" in seconds; give sample_rate [Hz] in the layout'
         )
-    return rate, _pieces(table, layout, columns, factors, rate, clock, progress)
+    times = [clock.column for clock in clocks]
+    return Reading(
+        rate,
+        _pieces(table, layout, columns, factors, rate, clocks, progress),
+        tuple(_names(table, times)),
+        tuple(_names(table, sorted(set(range(len(table.columns))) - {*columns, *times}))),
+        _begin(table, clocks),
+        clocks[0].begin_ns if clocks else 0,
+    )
 
 
-def start_of(table: Table, same_start: bool) -> int:
+def _names(table: Table, columns: list[int]) -> list[str]:
+    return [table.columns[column].name or str(column + 1) for column in columns]
+
+
+def _begin(table: Table, clocks: list[Clock]) -> int | None:
+    """Find when a recording began by what the file tells."""
+    dated = (one.begin_ns for one in clocks if one.begin_ns >= EARLIEST_DATE * NANOSECONDS)
+    return next(dated, table.start_ns)
+
+
+def start_of(table: Table, reading: Reading, same_start: bool) -> int:
     """
     Find when a recording began.
 
     Parameters
     ----------
     table : Table
+    reading : Reading
+        Of it.
     same_start : bool
         Times count from an instant that other files share.
 
@@ -213,16 +277,10 @@ def start_of(table: Table, same_start: bool) -> int:
         If the file does not tell.
 
     """
-    found = _time_column(table)
-    first = 0.0
-    if found is not None:
-        column, unit = found
-        _, rows = next(table.rows([column], 1))
-        first = float(rows[0, 0]) * unit
-    if same_start or first >= EARLIEST_DATE:
-        return round(first * NANOSECONDS)
-    if table.start_ns is not None:
-        return table.start_ns
+    if same_start:
+        return reading.first_ns
+    if reading.begin_ns is not None:
+        return reading.begin_ns
     raise DataError(
         f'{table.path}: it does not tell when it began, and times of several files may count '
         'from different instants; give --start FILE=TIME for each, or --same-start if they count '
@@ -274,7 +332,7 @@ def _factor(table: Table, column: Column, sensor: Sensor, note: Note) -> float:
     if not unit or unit == sensor.recorded_unit:
         return 1.0
     where = f'{table.path}: column {column.name!r} (sensor {sensor.name})'
-    if unit in _NO_UNITS or not is_unit(unit):
+    if unit in NO_UNITS or not is_unit(unit):
         note(
             f'{where} has the unit {column.unit!r}, which is not known; '
             f'its numbers are taken to be in {sensor.recorded_unit}, as the layout says'
@@ -316,185 +374,21 @@ def _told_rate(table: Table, columns: list[int], stated: float | None) -> Column
     return best
 
 
-@dataclass(frozen=True)
-class _Clock:
-    """
-    The time column.
-
-    Parameters
-    ----------
-    column : int
-    rate : float
-        [Hz].
-    decimals, significant : int or None
-        To which the times are printed; None: exact.
-    unit : float
-        Of the times [s].
-
-    """
-
-    column: int
-    rate: float
-    decimals: int | None = None
-    significant: int | None = None
-    unit: float = 1.0
-
-    def rounding(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far the difference of two times may be off [s]."""
-        exact: NDArray[np.float64] = 4 * np.finfo(float).eps * np.abs(times)
-        if self.decimals is None or self.significant is None:
-            return exact
-        with np.errstate(divide='ignore', invalid='ignore'):
-            decade = np.floor(np.log10(np.abs(times)))
-        printed = np.maximum(
-            10.0**-self.decimals * self.unit, 10.0 ** (decade + 1 - self.significant)
-        )
-        return exact + printed
-
-    def steps(
-        self, table: Table, row: int, times: NDArray[np.float64], rate: float | None = None
-    ) -> NDArray[np.int64]:
-        """
-        Count the sample intervals from each row to the next.
-
-        Parameters
-        ----------
-        table : Table
-        row : int
-            The first one.
-        times : ndarray
-            [s].
-        rate : float or None
-            Another one than that of the clock [Hz].
-
-        Returns
-        -------
-        ndarray
-            1, or more where rows are missing.
-
-        Raises
-        ------
-        DataError
-            If a step is not a whole number of intervals.
-
-        """
-        interval = 1 / (rate or self.rate)
-        found = np.diff(times)
-        with np.errstate(invalid='ignore'):
-            counts = np.maximum(1, np.nan_to_num(np.rint(found / interval), posinf=1))
-        rounding = self.rounding(times[1:])
-        # Where the times are printed too coarsely to tell, nothing is missing.
-        counts[np.abs(found - interval) <= rounding + TIME_TOLERANCE * interval] = 1
-        deviation = np.abs(found - counts * interval)
-        wrong = ~(deviation <= rounding + TIME_TOLERANCE * counts * interval)
-        if wrong.any():
-            at = int(np.argmax(np.where(wrong, np.nan_to_num(deviation, nan=np.inf), 0)))
-            raise DataError(
-                f'{table.path}: time is not uniform: near {table.row_name} {row + at + 1} it '
-                f'steps by {found[at]:.9g} s, expected {interval:.9g} s within '
-                f'{TIME_TOLERANCE:g} of it; resample the recording, or give sample_rate [Hz] in '
-                'the layout if the times are only rounded'
-            )
-        return np.asarray(counts, np.int64)
-
-
-def _clock(table: Table, stated: float | None, source: str) -> _Clock | None:
-    """Find the time column and its rate; if a rate is stated, they must agree."""
-    found = _time_column(table)
-    if found is None:
-        return None
-    column, unit = found
-    try:
-        row, rows = next(table.rows([column], ROWS_FOR_RATE))
-    except DataError:
-        if stated is None:
-            raise
-        return None  # times of day; the layout knows better
-    times = rows[:, 0] * unit
-    if stated is not None and len(times) < 2:
-        return None
-    if len(times) < 2 or not times[-1] > times[0]:
-        remedy = 'remove the column' if stated else 'give sample_rate [Hz] in the layout'
-        raise DataError(
-            f'{table.place(row)}: the time does not increase, so the sample rate is not known; '
-            f'{remedy}'
-        )
-    decimals, significant = (stated and table.digits(column, ROWS_FOR_RATE)) or (None, None)
-    clock = _Clock(column, stated or 1.0, decimals, significant, unit)
-    usual = float(np.nanmedian(np.diff(times)))
-    if stated is None:
-        if not usual > 0:
-            raise DataError(
-                f'{table.place(row)}: most times are the same, so the sample rate is not known; '
-                'give sample_rate [Hz] in the layout'
-            )
-        rate = _refined(clock.steps(table, row, times, _mean_rate(times, usual)), times)
-        return _Clock(column, rate, unit=unit)
-    rounding = float(np.median(clock.rounding(times)))
-    if abs(usual - 1 / stated) <= rounding + TIME_TOLERANCE / stated:
-        measured = _refined(clock.steps(table, row, times), times)
-    else:
-        measured = _mean_rate(times, usual) if usual > rounding else _refined(None, times)
-    allowed = TIME_TOLERANCE + float(clock.rounding(times[-1:])[0]) / (times[-1] - times[0])
-    if abs(stated / measured - 1) > allowed:
-        raise DataError(
-            f'{table.path}: {source} a sample_rate of {stated:.9g} Hz, but by column '
-            f'{table.columns[column].name!r} it is {measured:.9g} Hz; correct sample_rate in the '
-            'layout, or rename the column if it is not the time in seconds'
-        )
-    return clock
-
-
-def _time_column(table: Table) -> tuple[int, float] | None:
-    """Find the time column and its unit [s]."""
-    for i, column in enumerate(table.columns):
-        if any(_TIME_NAME.fullmatch(name) for name in (column.name, *column.aliases)):
-            try:
-                return i, convert(1.0, column.unit, 's') if column.unit not in ('', 's') else 1.0
-            except UnitError:
-                continue
-    return None
-
-
-def _mean_rate(times: NDArray[np.float64], usual: float) -> float:
-    """Rate of the steps near the usual one [Hz]; of all if the times are too rounded to tell."""
-    steps = np.diff(times)
-    near = steps[np.abs(steps - usual) <= TIME_TOLERANCE * usual]
-    return _rounder(1 / float(near.mean() if len(near) > 1 else usual))
-
-
-def _refined(counts: NDArray[np.int64] | None, times: NDArray[np.float64]) -> float:
-    count = len(times) - 1 if counts is None else int(counts.sum())
-    return _rounder(count / float(times[-1] - times[0]))
-
-
-def _rounder(rate: float) -> float:
-    """Of two nearly equal numbers the rounder one."""
-    short = float(f'{rate:.9g}')
-    return short if abs(short - rate) < 1e-9 * rate else rate
-
-
 def _pieces(
     table: Table,
     layout: Layout,
     columns: list[int],
     factors: NDArray[np.float64],
     rate: float,
-    clock: _Clock | None,
+    clocks: list[Clock],
     progress: Progress | None,
 ) -> Iterator[Piece]:
-    wanted = columns if clock is None else [*columns, clock.column]
-    before: NDArray[np.float64] = np.empty(0)
+    wanted = [*columns, *(clock.column for clock in clocks)]
+    timeline = Timeline(table, clocks, rate)
     index = 0
     for row, rows in table.rows(wanted, samples_per_block(rate), progress):
-        starts = np.zeros(1, np.int64)
-        skipped = np.zeros(len(rows), np.int64)
-        if clock is not None:
-            times = np.concatenate([before, rows[:, -1] * clock.unit])
-            steps = clock.steps(table, row - len(before), times)
-            skipped[len(rows) - len(steps) :] = steps - 1
-            starts = np.union1d(starts, np.flatnonzero(skipped))
-            before = times[-1:]
+        skipped = timeline.skipped(row, rows[:, len(columns) :])
+        starts = np.union1d(np.zeros(1, np.int64), np.flatnonzero(skipped))
         lost = np.cumsum(skipped)
         time = (index + np.arange(len(rows)) + lost) / rate
         with np.errstate(over='ignore'):  # beyond all measure, and found out as such

@@ -7,7 +7,7 @@ All scalars stay texts; what they mean is decided where the key is known. So ``1
 number, ``no`` is a name, and no tag or alias can build anything.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -23,6 +23,7 @@ import yaml
 LARGEST_FILE = 1_000_000  # [bytes]
 LARGEST_DEPTH = 20
 LONGEST_KEY = 60  # in errors
+MOST_PROBLEMS = 10  # told at once
 
 KIND = 'kind'
 
@@ -165,14 +166,20 @@ class Document:
         Raises
         ------
         IdentnlError
-            The kind of the document, about the first problem in the file.
+            The kind of the document, about the problems in the file.
 
         """
         try:
             return model.model_validate(self.data)
         except ValidationError as error:
             problems = [self._path_and_message(problem) for problem in error.errors()]
-        raise self.problem(*min(problems, key=lambda found: self.line(found[0]) or 0)) from None
+        problems.sort(key=lambda found: self.line(found[0]) or 0)
+        # What is said at one place for several parts is told once.
+        once = {
+            (self.line(path), path[-1:], message): self.problem(path, message)
+            for path, message in reversed(problems)
+        }
+        raise together([*reversed(once.values())]) from None
 
     def _path_and_message(self, problem: Any) -> tuple[KeyPath, str]:
         """Translate an error of pydantic."""
@@ -276,6 +283,27 @@ def parse(text: str, where: str, error: type[IdentnlError]) -> Document:
     if not isinstance(data, dict):
         raise error(f'{where}: found {shown(data)}, expected keys and values such as "name: ..."')
     return Document(where, data, lines, error)
+
+
+def together(errors: Sequence[IdentnlError]) -> IdentnlError:
+    """
+    Make one error of several.
+
+    Parameters
+    ----------
+    errors : sequence of IdentnlError
+        At least one, of one kind.
+
+    Returns
+    -------
+    IdentnlError
+        Every one of them in a line of its own.
+
+    """
+    lines = [str(error) for error in errors[:MOST_PROBLEMS]]
+    if len(errors) > MOST_PROBLEMS:
+        lines.append(f'and {len(errors) - MOST_PROBLEMS} more problems')
+    return type(errors[0])('\n'.join(lines))
 
 
 @contextmanager

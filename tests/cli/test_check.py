@@ -163,3 +163,13 @@ def test_front_mass_that_is_much_of_its_body_is_remarked(document, config, tmp_p
     assert found['sound']
     remarks = found['files'][-1]['remarks']
     assert [('front_mass of 27 kg' in one and '"85 g"' in one) for one in remarks] == [True] * told
+
+
+def test_every_problem_of_a_layout_is_one_of_its_own(document, config, tmp_path):
+    layout = tmp_path / 'a.yaml'
+    text = (config / 'knee_column_layout.yaml').read_text('utf-8')
+    assert text.count('direction: +z') > 3
+    layout.write_text(text.replace('direction: +z', 'direction: up', 3), 'utf-8')
+    (found,) = document('check', layout)['files']
+    assert len(found['problems']) == 3
+    assert all('found "up", expected a direction' in one for one in found['problems'])

@@ -48,6 +48,17 @@ def test_existing_files_are_kept(identnl, bags, tmp_path, existing):
     assert [path.name for path in tmp_path.iterdir()] == [existing]
 
 
+@pytest.mark.parametrize('mistyped', ['--out', '--layout-out'])
+def test_folder_that_is_missing_is_not_made(identnl, bags, tmp_path, mistyped):
+    paths = {'--out': tmp_path / 'a.csv', '--layout-out': tmp_path / 'layout.yaml'}
+    paths[mistyped] = tmp_path / 'tabels' / paths[mistyped].name
+    options = [word for option in paths.items() for word in option]
+    result = identnl('export', bags / 'oscillator_multisine.mcap', *options)
+    assert result.exit_code == 2
+    assert f'there is no folder {tmp_path}/tabels; make it, or correct the path' in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_unsound_table_is_told_in_one_sentence(identnl, config, tmp_path):
     (tmp_path / 'a.h5').write_bytes(b'\x89HDF\r\n\x1a\nnothing more')
     layout = config / 'oscillator_layout.yaml'

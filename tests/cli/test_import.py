@@ -75,6 +75,56 @@ def test_sensors_without_stated_noise_are_told_in_one_line(identnl, table, confi
     assert lines[0].count(', ') == 1
 
 
+def write_timed(path, name, rate):
+    times = np.arange(2000) / rate
+    rows = np.random.default_rng(1).standard_normal((2000, 2))
+    np.savetxt(
+        path, np.column_stack((times, rows, np.full(2000, 21.5))), fmt='%.9f', delimiter=';',
+        header=f'{name};V1;V2;Temperatur [degC]', comments='',
+    )  # fmt: skip
+    return path
+
+
+@pytest.mark.parametrize('name', ['Zeit [s]', 'time', 'Kanal 0'])
+def test_time_of_twice_the_rate_does_not_make_a_bag(identnl, config, tmp_path, name):
+    path = write_timed(tmp_path / 'a.csv', name, 2e7 / 2**14)
+    out = tmp_path / 'a.mcap'
+    arguments = ('import', path, '--layout', config / 'oscillator_layout.yaml', '--out', out)
+    result = identnl(*arguments)
+    assert result.exit_code == 2
+    assert '610.351562 Hz' in result.stderr
+    assert not out.exists()
+    result = identnl(*arguments, '--ignore-column', name)
+    assert result.exit_code == 0
+    assert f'columns that no sensor reads: {name}, Temperatur [degC]' in result.stdout
+
+
+def test_columns_that_nobody_reads_are_told(identnl, document, config, tmp_path):
+    path = write_timed(tmp_path / 'a.csv', 'Zeit [s]', 1e7 / 2**14)
+    layout = config / 'oscillator_layout.yaml'
+    result = identnl('import', path, '--layout', layout, '--out', tmp_path / 'a.mcap')
+    lines = result.stdout.splitlines()
+    assert lines[1:3] == [
+        'time checked by: Zeit [s]', 'columns that no sensor reads: Temperatur [degC]'
+    ]  # fmt: skip
+    made = document('import', path, '--layout', layout, '--out', tmp_path / 'b.mcap')
+    assert made['time_columns'] == ['Zeit [s]']
+    assert made['unused_columns'] == ['Temperatur [degC]']
+
+
+def test_import_without_a_machine_says_what_identify_will_need(identnl, table, config, tmp_path):
+    layout, machine = config / 'oscillator_layout.yaml', config / 'oscillator.yaml'
+    bag = tmp_path / 'a.mcap'
+    result = identnl('import', table[0], '--layout', layout, '--out', bag)
+    told = [line for line in result.stdout.splitlines() if '--machine' in line]
+    assert told == [f'no machine file is in it: identnl identify {bag} needs --machine FILE']
+    arguments = ('import', table[0], '--layout', layout)
+    result = identnl(*arguments, '--out', tmp_path / 'b.mcap', '--machine', machine)
+    assert '--machine' not in result.stdout
+    result = identnl(*arguments, '--out', tmp_path / 'c.mcap', '--json')
+    assert '--machine' not in result.stdout + result.stderr
+
+
 @pytest.mark.skipif(not SILVERBOX.exists(), reason=f'no measured record at {SILVERBOX}')
 def test_measured_oscillator_hardens(document, config, tmp_path):
     bag = tmp_path / 'silverbox.mcap'

@@ -304,6 +304,14 @@ def test_what_no_sensor_left_sees_is_told_and_the_other_body_is_still_known():
     assert 'at 600 of' in text
 
 
+def test_loss_of_all_channels_is_told_without_their_names():
+    samples = readings()
+    samples[100:400] = np.nan
+    transform, _ = transformed(samples, sizes=[50] * 14)
+    sentence, *_ = transform.degradation
+    assert sentence == f'all channels: no readings for {300 / RATE:.3g} s (300 of 700 samples)'
+
+
 def test_cost_of_a_dead_sensor_is_the_growth_of_the_standard_deviation():
     channel = LAYOUT.of_kind(D)[0]
     samples = readings()

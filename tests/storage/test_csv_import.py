@@ -9,7 +9,7 @@ from identnl_ros.core.measurement.blocks import ChannelStatus
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.formats.csv_table import CsvTable
-from identnl_ros.storage.table_import import import_table, Imported, read_table
+from identnl_ros.storage.table_import import import_table, read_table
 import numpy as np
 import pytest
 
@@ -25,8 +25,8 @@ ROWS = [[1.5, 2.0], [-3.25, 4e-3], [0.1, -1e3]]
 def read(tmp_path, text, layout=LAYOUT, **options):
     path = tmp_path / 'a.csv'
     path.write_bytes(text if isinstance(text, bytes) else text.encode(**options))
-    rate, pieces = read_table(CsvTable(path), layout)
-    return rate, np.vstack([samples for _, samples in pieces])
+    reading = read_table(CsvTable(path), layout)
+    return reading.sample_rate, np.vstack([samples for _, samples in reading.pieces])
 
 
 def si(rows):
@@ -65,6 +65,96 @@ def test_forms_of_the_same_table_give_the_same_samples(tmp_path, text):
     rate, samples = read(tmp_path, text)
     assert rate == 1000
     assert samples.tobytes() == si(ROWS).tobytes()
+
+
+GERMAN = 'F;x 1\n1,5;2,0\n-3,25;4e-3\n0,1;-1000\n'
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        GERMAN,
+        GERMAN.replace(';', '\t'),
+        GERMAN.replace('4e-3', '0,4E-2').replace('2,0', '2'),
+        'F;x 1;note\n1,5;2,0;v1.2\n-3,25;4e-3;a,b\n0,1;-1000;1.5\n',
+        '1,5;2,0\n-3,25;4e-3\n0,1;-1000\n',
+        'F;x 1\n' + '7;7\n' * 1500 + GERMAN.partition('\n')[2],  # decided late
+    ],
+    ids=['semicolon', 'tab', 'exponent', 'text', 'no names', 'late'],
+)
+def test_decimal_commas_between_semicolons_and_tabs_are_understood(tmp_path, text):
+    layout = LAYOUT
+    if not text.startswith('F'):
+        sensors = (replace(SENSORS[0], column='1'), replace(SENSORS[1], column='2'))
+        layout = replace(LAYOUT, sensors=sensors)
+    _, samples = read(tmp_path, text, layout)
+    assert samples[-3:].tobytes() == si([*[[7, 7]] * (len(samples) - 3), *ROWS])[-3:].tobytes()
+
+
+@pytest.mark.parametrize(
+    ('text', 'expected'),
+    [
+        ('F;x 1\n1,5;2.5\n', ": there are numbers with a decimal comma (column 1 'F') and with"),
+        ('F;x 1\n1,5;2\n2.5;1\n', ': there are numbers with a decimal comma'),
+        ('F;x 1\n' + '1;2\n' * 2000 + '1,5;2\n2.5;1\n', ":2003: '2.5' has a decimal point, but"),
+        ('F;x 1\n1.5;2\n' + '1;2\n' * 2000 + '2,5;1\n', ":2003: '2,5' has a decimal comma, but"),
+        ('F;x 1\n1.234,5;2\n', ":2: '1.234,5' is not a number, with one decimal point or comma"),
+        ('F,x 1\n"1,5",2\n', ':2: 3 cells, but line 1'),
+    ],
+)
+def test_mixed_decimal_marks_are_refused(tmp_path, text, expected):
+    assert error_of(tmp_path, text).startswith(expected)
+
+
+@pytest.mark.parametrize(
+    'head',
+    [
+        'F;x 1\nkN;mV\n', 'F;x 1\n[kN];[mV]\n', 'F [kN];x 1\n(kN);(mV)\n', 'F (kN);x 1 [mV]\n',
+        'Messung: 5\nDatum: 22.11.2026\nRate;5000;Hz\n\nF;x 1\nkN;mV\n',
+        'Operator;somebody\n1,5;2\nF [kN];x 1;\n;mV;\n',
+    ],
+)  # fmt: skip
+def test_names_and_units_are_found_where_loggers_put_them(tmp_path, head):
+    path = tmp_path / 'a.csv'
+    path.write_text(head + '1.5;2\n-3.25;4e-3\n')
+    layout = replace(
+        LAYOUT,
+        sensors=(
+            replace(SENSORS[0], recorded_unit='N', gain=1.0, offset=0.0),
+            replace(SENSORS[1], recorded_unit='V', gain=8000.0),
+        ),
+    )
+    wanted = [sensor.column for sensor in layout.sensors]
+    table = CsvTable(path, wanted)
+    (piece,) = read_table(table, layout, pytest.fail).pieces
+    np.testing.assert_allclose(piece[1][:, 0], [1500, -3250], rtol=1e-15)
+    np.testing.assert_allclose(piece[1][:, 1] * 8000, [2e-3, 4e-6], rtol=1e-15)
+    skipped = head.splitlines().index(next(x for x in head.splitlines() if x.startswith('F')))
+    filled = sum(bool(line) for line in head.splitlines()[:skipped])
+    notes = [f'{path}: the {filled} lines before the names of the columns in line {skipped + 1} '
+             'are skipped'] if skipped else []  # fmt: skip
+    assert table.notes == notes
+
+
+def test_lines_before_the_names_are_asked_to_be_comments_where_nothing_tells(tmp_path):
+    sensors = (replace(SENSORS[0], column='1'), replace(SENSORS[1], column='2'))
+    message = error_of(tmp_path, 'made on Monday\nF;x 1\n1;2\n', replace(LAYOUT, sensors=sensors))
+    assert message.startswith(':2: 2 cells, but line 1, where the names of the columns should')
+    assert message.endswith('lines before the names must begin with #')
+
+
+@pytest.mark.parametrize('encoding', ['latin-1', 'cp1252', 'utf-8', 'utf-8-sig'])
+def test_micro_is_understood_in_every_usual_encoding(tmp_path, encoding):
+    path = tmp_path / 'a.csv'
+    path.write_bytes('F;x 1 [µV]\n1;2\n'.encode(encoding))
+    layout = replace(
+        LAYOUT, sensors=(SENSORS[0], replace(SENSORS[1], recorded_unit='V', gain=1.0))
+    )
+    table = CsvTable(path)
+    (piece,) = read_table(table, layout, pytest.fail).pieces
+    assert piece[1][0, 1] == pytest.approx(2e-6, rel=1e-15)
+    assert bool(table.notes) == (not encoding.startswith('utf'))
+    assert all('is not in UTF-8; it is read as Windows-1252' in note for note in table.notes)
 
 
 def test_drift_is_taken_out_at_the_time_of_every_row(tmp_path):
@@ -144,8 +234,8 @@ def test_unknown_sample_rate_is_refused(tmp_path):
         ('1,2\n', ": no column 'F' (sensor force); the file has no names but the columns 1 to 2"),
         ('F,x 1,F\n1,2,3\n', ": 2 columns are called 'F' (sensor force); give the number"),
         ('F,x 1\n1,2\n1,off\n', ":3: 'off' is not a number; correct it"),
-        ('F,x 1\nN,m\n1,2\n', ":2: 'N' is not a number; correct it, or start the line with #"),
-        ('F;x 1\n1,5;2\n', ":2: '1,5' is not a number, with a decimal point"),
+        ('F,x 1\nN,off\n1,2\n', ":2: 'N' is not a number; correct it, or start the line with #"),
+        ('F;x 1\n1.2,5;2\n', ":2: '1.2,5' is not a number, with one decimal point or comma"),
         ('# one\n\nF,x 1\n1,2\n\n1\n', ':6: 1 cells, expected 2 as in line 4'),
         ('F,x 1\n1,2\n1,2,3\n', ':3: 3 cells, expected 2'),
         ('', ' has no rows of numbers'),
@@ -191,7 +281,7 @@ def test_bag_holds_the_samples_their_state_and_the_texts(tmp_path):
         start_ns=10**9,
         progress=lambda done, size: seen.append((done, size)),
     )
-    assert imported == Imported(130, 0)
+    assert (imported.samples, imported.lost_samples) == (130, 0)
     bag = open_bag(tmp_path / 'bag')
     stream = bag.description
     assert (stream.stand, stream.stream_id, stream.sample_rate) == ('mill', 5, 1000)
@@ -238,7 +328,7 @@ def test_rows_missing_by_the_time_column_are_a_gap(tmp_path, layout):
     kept = np.delete(np.arange(300), [*range(1, 6), 49, *range(120, 131)])
     (tmp_path / 'a.csv').write_text(timed_text(kept / 1000))
     imported = import_table(tmp_path / 'a.csv', layout, tmp_path / 'a.mcap')
-    assert imported == Imported(283, 17)
+    assert (imported.samples, imported.lost_samples) == (283, 17)
     blocks = list(open_bag(tmp_path / 'a.mcap').blocks())
     indices = np.concatenate([np.arange(b.first_index, b.next_index) for b in blocks])
     assert indices.tolist() == kept.tolist()

@@ -345,13 +345,12 @@ def test_bad_triaxial_sensor_gives_one_line_with_place_and_cause(old, new, line,
         ('defaults: 3\nsensors: {a: {kind: force, excitation: e}}', 'defaults: found "3"'),
     ],
 )
-def test_text_that_is_no_layout_file_gives_one_line(text, words):
+def test_text_that_is_no_layout_file_gives_a_line_for_each_problem(text, words):
     with pytest.raises(LayoutError) as caught:
         read_layout(text, 'bad.yaml')
 
-    assert str(caught.value).startswith('bad.yaml')
     assert words in str(caught.value)
-    assert '\n' not in str(caught.value)
+    assert all(line.startswith('bad.yaml') for line in str(caught.value).splitlines())
 
 
 def test_missing_layout_is_a_layout_error():
@@ -383,3 +382,29 @@ def test_gram_in_place_of_gravity_is_told_with_the_unit_to_write(sound, wrong, k
             'resolution': 50e-6 * 9.80665,
         }
         assert getattr(sensor, key) == pytest.approx(expected[key])
+
+
+def test_all_problems_of_a_layout_are_told_at_once_a_wrong_default_once():
+    wrong = TRIAXIAL.replace('noise: 1 mV', 'noise: 1 mm').replace('35 g', '35 mm')
+    wrong = wrong.replace('body: knee, point: [0, 0, 0]', 'body: knee, point: [0, 0]')
+    with pytest.raises(LayoutError) as caught:
+        read_layout(wrong, 'bad.yaml')
+    cell, probe = str(caught.value).splitlines()
+    assert cell.startswith('bad.yaml:5: sensors.cell.front_mass: found "35 mm"')
+    assert probe.startswith('bad.yaml:16: sensors.probe_z.point: found a list of 2')
+
+    # What needs the unit and the gain is read when the rest is right.
+    with pytest.raises(LayoutError) as caught:
+        read_layout(TRIAXIAL.replace('noise: 1 mV', 'noise: 1 mm').replace('2 us', '2 um'), 'b')
+    noise, delay = str(caught.value).splitlines()
+    assert noise.startswith('b:3: sensors.corner_x.noise: found "1 mm"')
+    assert delay.startswith('b:14: sensors.corner_z.delay: found "2 um"')
+
+
+def test_many_problems_are_counted():
+    sensors = ''.join(f'  s{i}: {{kind: force, excitation: {i}}}\n' for i in range(13))
+    with pytest.raises(LayoutError) as caught:
+        read_layout(f'sensors:\n{sensors}', 'bad.yaml')
+    *told, rest = str(caught.value).splitlines()
+    assert [line.split(':')[1] for line in told] == [str(i) for i in range(2, 12)]
+    assert rest == 'and 3 more problems'

@@ -140,6 +140,8 @@ def sentence_of_loss(
     when = f'for {samples / sample_rate:.3g} s ({samples} of {total} samples)'
     if samples >= total:
         when = 'in the whole stream'
+    if 1 < len(layout.sensors) == len(lost):
+        return f'all channels: no readings {when}'
     return f'{names}: no readings {when}; without {_them(lost)} {cost}'
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which format a file has, and who reads it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -44,7 +44,7 @@ ENDINGS = {
 }
 
 
-def open_table(path: Path, format_name: str | None = None) -> Table:
+def open_table(path: Path, format_name: str | None = None, wanted: Collection[str] = ()) -> Table:
     """
     Open a recorded file.
 
@@ -53,6 +53,8 @@ def open_table(path: Path, format_name: str | None = None) -> Table:
     path : Path
     format_name : str or None
         One of `READERS`; None: by the end of the file's name, CSV where that tells nothing.
+    wanted : collection of str
+        Names of columns, by which a format without a fixed head finds it.
 
     Returns
     -------
@@ -65,7 +67,8 @@ def open_table(path: Path, format_name: str | None = None) -> Table:
         If it cannot be read.
 
     """
-    return chosen(READERS, path, format_name or ENDINGS.get(path.suffix.lower(), 'csv'))(path)
+    read = chosen(READERS, path, format_name or ENDINGS.get(path.suffix.lower(), 'csv'))
+    return CsvTable(path, wanted) if read is CsvTable else read(path)
 
 
 def chosen(entries: Mapping[str, Entry], path: Path, format_name: str | None) -> Entry:

@@ -11,7 +11,9 @@ from identnl_ros.storage.formats.table import (
     ChannelTable,
     Column,
     single_digits,
+    time_digits,
     told_rate,
+    understood,
 )
 from identnl_ros.storage.optional_library import library
 import numpy as np
@@ -31,7 +33,7 @@ class Hdf5Table(ChannelTable):
     ``name/1``, ``name/2`` ... Fields of records are columns ``name/field``.
     Attributes ``unit`` or ``units`` of a data set tell units; the sample rate stands in an
     attribute of the data set, of a group it is in, or of the file, or in a data set of one
-    number.
+    number. Times may stand in texts.
 
     Parameters
     ----------
@@ -72,7 +74,9 @@ class Hdf5Table(ChannelTable):
                 for one in sets:
                     last = one.name.rpartition('/')[2]
                     self._add(one, last if last_names.count(last) == 1 else '', columns)
-            self.columns = tuple(columns)
+                self.columns = tuple(
+                    understood(column, self.read(i, 0, 1)) for i, column in enumerate(columns)
+                )
             if not columns:
                 raise DataError(
                     f'{path} has no columns: expected data sets of numbers in one or two '
@@ -113,6 +117,8 @@ class Hdf5Table(ChannelTable):
     def digits(self, column: int, count: int) -> tuple[int, int] | None:
         """Tell how exact a column is; see `Table.digits`."""
         dataset, part = self._places[column]
+        if self.columns[column].origin_ns is not None:
+            return time_digits(self.read(column, 0, count))
         return single_digits(dataset.dtype[part] if isinstance(part, str) else dataset.dtype)
 
     def _add(self, dataset: Any, last: str, columns: list[Column]) -> None:
@@ -121,7 +127,9 @@ class Hdf5Table(ChannelTable):
         rate = _rate(dataset) or self._rate
         parts: list[int | str | None]
         if dataset.dtype.names:
-            parts = [one for one in dataset.dtype.names if dataset.dtype[one].kind in _NUMBERS]
+            parts = [
+                one for one in dataset.dtype.names if dataset.dtype[one].kind in _NUMBERS + 'S'
+            ]
         else:
             parts = [None] if min(dataset.shape) == 1 or dataset.ndim == 1 else []
             parts = parts or list(range(min(dataset.shape)))
@@ -145,8 +153,14 @@ def _is_table(dataset: Any) -> bool:
     if dataset.name.startswith('/#'):
         return False
     return bool(
-        dataset.dtype.kind in _NUMBERS or (dataset.dtype.names is not None and dataset.ndim == 1)
+        dataset.dtype.kind in _NUMBERS
+        or (dataset.ndim == 1 and (_is_text(dataset) or dataset.dtype.names is not None))
     )
+
+
+def _is_text(dataset: Any) -> bool:
+    h5py = library('h5py', 'h5py', 'HDF5 and MATLAB 7.3 files')
+    return h5py.check_string_dtype(dataset.dtype) is not None
 
 
 def _is_wide(dataset: Any) -> bool:

@@ -8,12 +8,15 @@ from typing import Any
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.storage.formats.table import (
+    as_numbers,
     Column,
     foreign_errors,
     Progress,
     single_digits,
     Table,
+    time_digits,
     told_rate,
+    understood,
     VALUES_AT_ONCE,
 )
 from identnl_ros.storage.optional_library import library
@@ -27,7 +30,8 @@ class ParquetTable(Table):
     """
     A Parquet file.
 
-    The metadata of a column may tell its ``unit``, that of the file the ``sample_rate``.
+    The metadata of a column may tell its ``unit``, that of the file the ``sample_rate``. Times
+    stand in columns of numbers, timestamps or texts.
 
     Parameters
     ----------
@@ -48,19 +52,24 @@ class ParquetTable(Table):
             self._file = parquet.ParquetFile(path, pre_buffer=False, buffer_size=BUFFER)
             types = library('pyarrow.types', 'pyarrow', 'Parquet files')
             schema = self._file.schema_arrow
-            self._fields = [
-                field
-                for field in schema
-                if types.is_floating(field.type) or types.is_integer(field.type)
+            self._fields = [field for field in schema if not types.is_nested(field.type)]
+            self._numeric = [
+                types.is_floating(field.type) or types.is_integer(field.type)
+                for field in self._fields
             ]
             rate = told_rate(_numbers(schema.metadata))
             self.columns = tuple(
                 Column(field.name, _text((field.metadata or {}).get(b'unit', b'')), rate)
                 for field in self._fields
             )
-        if not self.columns or not self._file.metadata.num_rows:
+        if not any(self._numeric) or not self._file.metadata.num_rows:
             self.close()
             raise DataError(f'{path} has no rows of numbers; expected columns of numbers')
+        with foreign_errors(path, 'Parquet'):
+            self.columns = tuple(
+                column if is_number else understood(column, self._first(column.name))
+                for column, is_number in zip(self.columns, self._numeric, strict=True)
+            )
 
     def close(self) -> None:
         """Close the file."""
@@ -90,8 +99,8 @@ class ParquetTable(Table):
                 # Columns come in the order of the file.
                 values = np.column_stack(
                     [
-                        batch.column(name).to_numpy(zero_copy_only=False).astype(np.float64)
-                        for name in names
+                        as_numbers(self.columns[column], _array(batch.column(name)))
+                        for column, name in zip(columns, names, strict=True)
                     ]
                 )
             for first in range(0, len(values), count):
@@ -102,7 +111,20 @@ class ParquetTable(Table):
 
     def digits(self, column: int, count: int) -> tuple[int, int] | None:
         """Tell how exact a column is; see `Table.digits`."""
+        if not self._numeric[column]:
+            with foreign_errors(self.path, 'Parquet'):
+                return time_digits(self._first(self.columns[column].name, count))
         return single_digits(np.dtype(self._fields[column].type.to_pandas_dtype()))
+
+    def _first(self, name: str, count: int = 1) -> NDArray[Any]:
+        """Read the first values of a column of any type."""
+        batch = next(self._file.iter_batches(count, columns=[name], use_threads=False), None)
+        return np.empty(0) if batch is None else _array(batch.column(name))
+
+
+def _array(values: Any) -> NDArray[Any]:
+    array: NDArray[Any] = values.to_numpy(zero_copy_only=False)
+    return array
 
 
 def _text(value: bytes) -> str:

@@ -5,7 +5,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 import stat
@@ -14,6 +14,14 @@ from types import TracebackType
 from typing import Any
 
 from identnl_ros.core.errors import DataError, IdentnlError
+from identnl_ros.storage.formats.date_times import (
+    first_instant,
+    first_text,
+    FRACTION_DIGITS,
+    instants,
+    NOT_A_TIME,
+    seconds_since,
+)
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +29,8 @@ MOST_NAMES_SHOWN = 40
 VALUES_AT_ONCE = 2**19  # that are in memory
 MOST_DIGITS = 17
 SINGLE_DIGITS = 7  # of a number in single precision
+TIME_DIGITS = 19  # of nanoseconds since 1970
+NO_UNITS = {'EU', '-'}  # engineering unit; else an exa-u, a mass
 
 # As files of other programs call them, without blanks, underscores and capitals.
 _RATE_NAMES = {'fs', 'samplerate', 'samplingrate', 'samplefrequency', 'samplingfrequency'}
@@ -47,6 +57,11 @@ class Column:
         To which the file tells the rate [-].
     aliases : tuple of str
         Other names, which count where no column has them for its name.
+    origin_ns : int or None
+        The column holds dates or times of day; its numbers are seconds since this instant
+        [ns since 1970, or midnight where there is no date]. None: it holds numbers.
+    text : str
+        Its first value where it holds texts that are no times; empty: it does not.
 
     """
 
@@ -55,6 +70,8 @@ class Column:
     sample_rate: float | None = None
     rate_tolerance: float = 1e-9
     aliases: tuple[str, ...] = ()
+    origin_ns: int | None = None
+    text: str = ''
 
 
 class Spool:
@@ -119,6 +136,8 @@ class Table(ABC):
     """
 
     row_name = 'row'
+    tells_instants = False
+    """The format itself says at which instants all columns were recorded."""
 
     def __init__(self, path: Path) -> None:
         """Check that there is a file."""
@@ -126,6 +145,8 @@ class Table(ABC):
         self.columns: tuple[Column, ...] = ()
         self.start_ns: int | None = None
         """When the recording began, as the file tells it; None: it does not [ns since 1970]."""
+        self.notes: list[str] = []
+        """Sentences about what was guessed."""
         try:
             if not stat.S_ISREG(path.stat().st_mode):
                 raise DataError(f'{path} is not a file; give the path of a recorded file')
@@ -257,6 +278,21 @@ class Table(ABC):
         """
         return None
 
+    def is_beside(self, column: int, other: int) -> bool:
+        """
+        Tell whether two columns have values in the same rows.
+
+        Parameters
+        ----------
+        column, other : int
+
+        Returns
+        -------
+        bool
+
+        """
+        return True
+
     def _shown_names(self, names: list[str]) -> str:
         if not any(names):
             return f'no names but the columns 1 to {len(names)}'
@@ -320,15 +356,22 @@ class ChannelTable(Table):
         for begin in range(0, longest, at_once):
             end = min(begin + at_once, longest)
             with self.told_errors():
-                values = np.column_stack(
-                    [np.asarray(self.read(column, begin, end), np.float64) for column in columns]
-                )
+                values = np.column_stack([self._numbers(column, begin, end) for column in columns])
             if len(values) != end - begin:
                 raise DataError(f'{self.path} ends before row {end}; it is damaged or cut off')
             for first in range(0, len(values), count):
                 yield begin + first + 1, values[first : first + count]
             if progress:
                 progress(end, longest)
+
+    def is_beside(self, column: int, other: int) -> bool:
+        """Tell whether two columns are of the same length; see `Table.is_beside`."""
+        with self.told_errors():
+            return self.length(column) == self.length(other)
+
+    def _numbers(self, column: int, begin: int, end: int) -> NDArray[np.float64]:
+        """Read a part of a column as numbers; times as seconds since their origin."""
+        return as_numbers(self.columns[column], self.read(column, begin, end))
 
     @contextmanager
     def told_errors(self) -> Iterator[None]:
@@ -394,6 +437,79 @@ def told_rate(named: Iterable[tuple[str, object]]) -> float | None:
         if np.isfinite(rate) and rate > 0:
             return rate if plain in _RATE_NAMES else 1 / rate
     return None
+
+
+def understood(column: Column, values: NDArray[Any]) -> Column:
+    """
+    Say of a column whether it holds times or other texts.
+
+    Parameters
+    ----------
+    column : Column
+    values : ndarray, shape (n,)
+        Its first ones, of any type.
+
+    Returns
+    -------
+    Column
+
+    """
+    if values.dtype.kind in 'fiu':
+        return column
+    origin = first_instant(values)
+    if origin is None:
+        return replace(column, text=first_text(values) or 'no numbers')
+    return replace(column, unit='', origin_ns=origin)
+
+
+def as_numbers(column: Column, values: NDArray[Any]) -> NDArray[np.float64]:
+    """
+    Turn values of a column into numbers.
+
+    Parameters
+    ----------
+    column : Column
+    values : ndarray, shape (n,)
+        Numbers, or the times that the column holds.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Times in seconds since the origin of the column.
+
+    Raises
+    ------
+    ValueError
+        If they are neither.
+
+    """
+    if column.origin_ns is None or values.dtype.kind in 'fiu':
+        return np.asarray(values, np.float64)
+    return seconds_since(values, column.origin_ns)
+
+
+def time_digits(values: NDArray[Any]) -> tuple[int, int] | None:
+    """
+    Tell how exact times are that are no numbers; see `Table.digits`.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Texts or numpy's own times.
+
+    Returns
+    -------
+    tuple of int or None
+        By the zeros at the end of all of them.
+
+    """
+    found = instants(values)
+    if found is None:
+        return None
+    step, zeros = int(np.gcd.reduce(found[found != NOT_A_TIME], initial=0)), 0
+    while step and step % 10 == 0:
+        step, zeros = step // 10, zeros + 1
+    return FRACTION_DIGITS - zeros, TIME_DIGITS
 
 
 def single_digits(dtype: np.dtype[Any]) -> tuple[int, int] | None:

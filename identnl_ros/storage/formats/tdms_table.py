@@ -10,7 +10,9 @@ from identnl_ros.storage.formats.table import (
     ChannelTable,
     Column,
     single_digits,
+    time_digits,
     told_rate,
+    understood,
 )
 from identnl_ros.storage.optional_library import library
 import numpy as np
@@ -24,7 +26,8 @@ class TdmsTable(ChannelTable):
     A TDMS file.
 
     Channels are columns ``group/channel`` and, where that is unique, ``channel``. Units come
-    from the property ``unit_string``, the sample rate from ``wf_increment``.
+    from the property ``unit_string``, the sample rate from ``wf_increment``; times may also stand
+    in channels of timestamps or texts.
 
     Parameters
     ----------
@@ -52,10 +55,13 @@ class TdmsTable(ChannelTable):
                     channel
                     for group in self._file.groups()
                     for channel in group.channels()
-                    if channel.dtype.kind in 'fiu' and len(channel)
+                    if channel.dtype.kind in 'fiuMO' and len(channel)
                 ]
                 rate = told_rate(self._file.properties.items())
-                self.columns = tuple(_column(channel, rate) for channel in self._channels)
+                self.columns = tuple(
+                    understood(_column(channel, rate), channel.read_data(0, 1))
+                    for channel in self._channels
+                )
                 self.start_ns = _start(self._channels)
             if not self.columns:
                 raise DataError(f'{path} has no columns: expected channels of numbers')
@@ -78,6 +84,8 @@ class TdmsTable(ChannelTable):
 
     def digits(self, column: int, count: int) -> tuple[int, int] | None:
         """Tell how exact a channel is; see `Table.digits`."""
+        if self.columns[column].origin_ns is not None:
+            return time_digits(self.read(column, 0, count))
         return single_digits(self._channels[column].dtype)
 
 

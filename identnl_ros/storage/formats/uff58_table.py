@@ -7,7 +7,7 @@ Read here, a piece at a time, because the libraries for this format hold the who
 memory.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 import math
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from identnl_ros.core.errors import DataError
-from identnl_ros.storage.formats.table import ChannelTable, Column, single_digits, Spool
+from identnl_ros.storage.formats.table import ChannelTable, Column, Progress, single_digits, Spool
 from identnl_ros.storage.quantities import convert, UnitError
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,8 @@ class _Set:
     is_text : bool
     is_even : bool
         One instant follows another at the same distance.
+    start : float
+        First abscissa [s].
     spool : Spool or None
         The numbers of a text, once they were asked for.
 
@@ -66,6 +68,7 @@ class _Set:
     dtype: np.dtype[Any]
     is_text: bool
     is_even: bool
+    start: float
     spool: Spool | None = None
 
 
@@ -89,6 +92,7 @@ class Uff58Table(ChannelTable):
     """
 
     format_name = 'UFF58'
+    tells_instants = True
 
     def __init__(self, path: Path) -> None:
         """Find the data sets."""
@@ -114,6 +118,21 @@ class Uff58Table(ChannelTable):
         for one in self._sets:
             if one.spool is not None:
                 one.spool.close()
+
+    def rows(
+        self, columns: Sequence[int], count: int, progress: Progress | None = None
+    ) -> Iterator[tuple[int, NDArray[np.float64]]]:
+        """Read the numbers of some columns that begin together; see `Table.rows`."""
+        first = self._sets[columns[0]]
+        for one in (self._sets[column] for column in columns):
+            printed = 10.0 ** (1 - PRINTED_DIGITS) * max(abs(one.start), abs(first.start))
+            if abs(one.start - first.start) > printed:
+                raise DataError(
+                    f'{self.path}: column {one.column.name!r} begins at {one.start:g} s, but '
+                    f'{first.column.name!r} at {first.start:g} s; expected channels that were '
+                    'recorded at the same instants'
+                )
+        yield from super().rows(columns, count, progress)
 
     def length(self, column: int) -> int:
         """Count the values of a data set."""
@@ -191,9 +210,11 @@ class Uff58Table(ChannelTable):
             )
         name = head[0].strip()
         name = response if name in ('', NONE) else name
-        rate, tolerance = _rate(increment * _seconds(_label(head[7])))
+        unit = _seconds(_label(head[7]))
+        rate, tolerance = _rate(increment * unit)
+        start = float(head[6][30:43]) * unit
         column = Column(name, _label(head[8]), rate, tolerance, aliases=(response,))
-        return _Set(column, begin, count, dtype, is_text, spacing == EVEN)
+        return _Set(column, begin, count, dtype, is_text, spacing == EVEN, start)
 
     def _printed(self, found: _Set) -> Iterator[NDArray[np.float64]]:
         """Read the numbers of a data set in text."""

@@ -11,14 +11,12 @@ from identnl_ros.core.synchronisation.delay_likelihood import (
     delay_covariance,
     ENOUGH,
     maximum,
-    NOTHING,
     Prior,
 )
 from identnl_ros.core.synchronisation.misfit import misfits
-from identnl_ros.core.synchronisation.segment_spectra import segment_spectra, SegmentSpectra
+from identnl_ros.core.synchronisation.segment_spectra import segment_spectra
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 # Delays are exact to first order in delay over segment: readings are moved and looked at again.
 MOST_ROUNDS = 4
@@ -93,7 +91,7 @@ def channel_delays(model: Model, record: MeasuredRecord) -> ChannelDelays:
         basis = np.repeat(np.eye(size)[:, np.newaxis, :], len(spectra.times), axis=1)
         nothing = Prior(np.zeros((size, size)), np.zeros(size))
         found = maximum(spectra, basis, np.zeros(size), nothing)
-        groups = _linked(spectra)
+        groups = spectra.groups
         centred = _centring(groups)
         moved = centred @ found.values
         delays[spectra.channels] += moved
@@ -122,15 +120,6 @@ def channel_delays(model: Model, record: MeasuredRecord) -> ChannelDelays:
         unexplained,
         widened,
     )
-
-
-def _linked(spectra: SegmentSpectra) -> NDArray[np.int64]:
-    """Tell which sensors are linked by redundancy: they have the same number."""
-    weights = spectra.projections * np.sqrt(
-        spectra.variance[:, :, np.newaxis] * spectra.variance[:, np.newaxis, :]
-    )
-    _, groups = connected_components(np.abs(weights).max(axis=0) > NOTHING, directed=False)
-    return np.asarray(groups, dtype=np.int64)
 
 
 def _centring(groups: NDArray[np.int64]) -> NDArray[np.float64]:

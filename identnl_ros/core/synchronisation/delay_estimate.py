@@ -13,6 +13,7 @@ from identnl_ros.core.synchronisation.delay_likelihood import (
     maximum,
     Prior,
 )
+from identnl_ros.core.synchronisation.misfit import unexplained_between
 from identnl_ros.core.synchronisation.segment_spectra import segment_spectra, SegmentSpectra
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,9 @@ class DelayEstimate:
         Of the delays, then the skews; infinite variance: not determined by the data.
     duration : float
         Of the record [s].
+    unexplained : float
+        Share of what the sources read, as an amplitude and beyond noise, that is not one rigid
+        motion with these delays; the median of the channels of the source that fits least [-].
 
     """
 
@@ -47,6 +51,7 @@ class DelayEstimate:
     skews: NDArray[np.float64]
     covariance: NDArray[np.float64]
     duration: float
+    unexplained: float = 0.0
 
     @property
     def standard_deviations(self) -> NDArray[np.float64]:
@@ -139,6 +144,7 @@ def source_delays(
         np.concatenate((zero, values[1::2])),
         whole,
         len(record.samples) / record.sample_rate,
+        unexplained_between(spectra, found, sources),
     )
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether rigid motion, delays and noise explain what sensors read."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identnl_ros.core.synchronisation.delay_likelihood import Maximum
@@ -21,6 +22,8 @@ SIGNIFICANT = 4.0
 # Of the variance of a sum of squares: neighbouring bins of overlapping windows are not
 # independent.
 CORRELATED = 1.5
+# Sources of which so much of the motion does not fit saw another one: a tenth of its power [-].
+MOST_UNEXPLAINED = 0.3
 
 
 @dataclass(frozen=True)
@@ -108,8 +111,10 @@ def misfits(spectra: SegmentSpectra, found: Maximum, members: NDArray[np.int64])
     freedom = 2 * span / spectra.length * float((own * noise).sum())
     ratio = power / expected if expected > 0 else 1.0
     limit = 1 + SIGNIFICANT * np.sqrt(2 * CORRELATED / max(freedom, 1.0))
+    # The same of one redundant reading.
+    largest = 1 + SIGNIFICANT * np.sqrt(CORRELATED * spectra.length / (span * max(len(own), 1)))
     with np.errstate(divide='ignore', invalid='ignore'):
-        error = (np.abs(residual) ** 2 / own).sum(axis=(0, 1)) - segments * len(own)
+        error = (np.abs(residual) ** 2 / own).sum(axis=(0, 1)) - segments * len(own) * largest
         read = ((np.abs(aligned) ** 2 - noise) * own).sum(axis=(0, 1))
         share = np.sqrt(np.clip(error, 0.0, None) / read)
     told = own.max(axis=0, initial=0.0) * noise.max(axis=0, initial=0.0) > 0
@@ -121,6 +126,40 @@ def misfits(spectra: SegmentSpectra, found: Maximum, members: NDArray[np.int64])
         scores,
         bands,
     )
+
+
+def unexplained_between(
+    spectra: SegmentSpectra, found: Maximum, sources: Sequence[Sequence[int]]
+) -> float:
+    """
+    Tell how much of what sources saw is not the same motion.
+
+    The median of a source's channels, of which single ones may be inverted or exchanged; that of
+    the source that fits least, for one alone fits those of its own.
+
+    Parameters
+    ----------
+    spectra : SegmentSpectra
+    found : Maximum
+    sources : sequence of sequence of int
+        Channels of every source.
+
+    Returns
+    -------
+    float
+        Share, as an amplitude [-]; 0: no channels of different sources see the same.
+
+    """
+    owner = np.array([next(i for i, own in enumerate(sources) if channel in own)
+                      for channel in spectra.channels])  # fmt: skip
+    groups = spectra.groups
+    shares = np.full(len(groups), np.nan)
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
+        if len(set(owner[members].tolist())) > 1:
+            shares[members] = misfits(spectra, found, members).unexplained
+    told = [shares[(owner == one) & np.isfinite(shares)] for one in range(len(sources))]
+    return max((float(np.median(own)) for own in told if own.size), default=0.0)
 
 
 def _band_scores(

@@ -207,10 +207,11 @@ def _delays(path: Path, model: Model, findings: Findings) -> dict[str, Any]:
     except DataError as error:
         findings.remarks.append(f'delays are not known: {error}')
         return {}
-    findings.problems.extend(one.warning for one in found if one.warning)
+    findings.problems.extend(found.problems)
+    findings.remarks.extend(found.remarks)
     return {
         one.name: {'delay': one.delay, 'standard_deviation': one.deviation}
-        for one in found
+        for one in found.channels
         if np.isfinite(one.deviation)
     }
 

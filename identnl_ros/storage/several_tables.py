@@ -123,8 +123,8 @@ def import_tables(
     Raises
     ------
     DataError
-        If a file does not fit, its begin is not known, the files do not overlap, or the bag
-        cannot be written.
+        If a file does not fit, its begin is not known, the files do not overlap or have not seen
+        the same motion, or the bag cannot be written.
     LayoutError
         If two sensors read the same column.
 
@@ -162,6 +162,7 @@ def import_tables(
         first = next(aligned, None)
         if first is None:
             raise DataError('import: the files have no samples')
+        _require_one_motion(alignment, start_deviation)
         description = StandDescription(
             stand=layout.stand,
             stream_id=secrets.randbits(63) if stream_id is None else stream_id,
@@ -183,6 +184,17 @@ def import_tables(
         tuple(one.reading.time_columns for one in files),
         tuple(one.reading.unused_columns for one in files),
     )
+
+
+def _require_one_motion(alignment: StreamAlignment, start_deviation: float) -> None:
+    """Refuse files that have not seen the same at the same time."""
+    for one in alignment.state:
+        if one.contradiction:
+            raise DataError(
+                f'{one.name}: {one.contradiction}. Is its begin right (--start FILE=TIME; '
+                f'--start-deviation: {start_deviation:g} s), and is it of the same run? Else a '
+                'polarity, a gain or the order of its columns in the layout is wrong'
+            )
 
 
 def _written(

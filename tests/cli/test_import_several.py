@@ -130,6 +130,26 @@ def test_files_that_do_not_overlap_are_refused(identnl, run, tmp_path):
     assert 'probes: ends before others begins' in text
 
 
+@pytest.mark.parametrize('begin', ['12:00:00.363', '12:00:00.83'])
+def test_a_begin_that_is_wrong_by_more_than_is_stated_is_refused(
+    identnl, run, config, tmp_path, begin
+):
+    probes, others, layout = run
+    machine = ('--machine', config / 'oscillator.yaml')
+    starts = ('--start', 'probes=2026-03-01T12:00:00', '--start', f'others=2026-03-01T{begin}')
+    said = refused(identnl, tmp_path, probes, others, '--layout', layout, *machine, *starts)
+    assert 'others: its motion does not fit that of probes within +-28.3 ms' in said
+    assert '--start FILE=TIME' in said
+
+
+def test_a_maximum_far_from_what_is_known_is_refused(identnl, run, config, tmp_path):
+    probes, others, layout = run
+    known = (*STARTS, '--start-deviation', '0.0001')  # 3 ms off are 21 standard deviations
+    machine = ('--machine', config / 'oscillator.yaml')
+    said = refused(identnl, tmp_path, probes, others, '--layout', layout, *machine, *known)
+    assert 'others: its motion does not fit' in said
+
+
 def test_columns_are_found_across_files_or_that_is_told(identnl, run, tmp_path):
     probes, others, layout = run
     text = LAYOUT.replace('force: {', 'force: {column: probes/force, ')

@@ -370,3 +370,20 @@ def test_misuse_is_told():
             alignment.add(number, *block)
     with pytest.raises(DataError, match='fewer than 3 blocks'):
         alignment.end()
+
+
+def test_a_source_that_saw_another_motion_is_aligned_by_its_stamps_and_that_is_told():
+    probe, other = pair()
+    # Its readings are those of 0.37 s ago, its stamps those of now.
+    other.blocks = [
+        (first, stamp, late[2])
+        for (first, stamp, _), late in zip(other.blocks[37:], other.blocks, strict=False)
+    ]
+    alignment, _ = aligned([probe, other])
+    (told,) = [one for one in alignment.remarks() if 'does not fit' in one]
+    assert f'{other.name}: its motion does not fit that of {probe.name}' in told
+    assert 'aligned by its stamps alone' in told
+    (_, state) = alignment.state
+    assert state.aligned
+    assert state.contradiction
+    assert state.deviation > 1e-4  # what the latency of stamps leaves

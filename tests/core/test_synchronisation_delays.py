@@ -10,14 +10,13 @@ from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.measurement.observation import sensor_matrix
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.synchronisation.damping_cost import damping_cost, delay_warning
-from identnl_ros.core.synchronisation.delay_estimate import channel_delays, source_delays
+from identnl_ros.core.synchronisation.delay_estimate import source_delays
 from identnl_ros.core.synchronisation.segment_spectra import segment_spectra
 import numpy as np
 import pytest
 from scipy.stats import binom
 
 from tests.core.machines import line_layout, oscillator
-from tests.reference_machines import complete_layout, knee_and_column
 
 D, V, A = SensorKind.DISPLACEMENT, SensorKind.VELOCITY, SensorKind.ACCELERATION
 ORDER = {D: 0, V: 1, A: 2}
@@ -27,7 +26,6 @@ FREQUENCIES = np.arange(5.0, 200.0, 2.5)
 RUNS = 60
 BLOCK = assemble(oscillator())
 LINE = line_layout(kinds=(D, V, A), noise={D: 1e-8, V: 2e-6, A: 1e-2, SensorKind.FORCE: 0.0})
-MACHINE = assemble(knee_and_column())
 
 
 def amplitudes(model):
@@ -132,37 +130,6 @@ def test_segments_with_lost_samples_are_left_out():
     assert abs(found.delays[1]) < 4 * found.standard_deviations[1]
     spectra = segment_spectra(BLOCK, MeasuredRecord(LINE, RATE, samples))
     assert np.all((spectra.begins + spectra.length <= 1200) | (spectra.begins >= 1210))
-
-
-def test_a_late_channel_is_found_among_its_neighbours():
-    layout = complete_layout(MACHINE.machine, 1e-8, 1e-2, kinds=(D, A))
-    delays = np.zeros(len(layout.sensors))
-    delays[5] = 25e-6
-    clean = readings(MACHINE, layout, delays, count=1500)
-    found = channel_delays(MACHINE, MeasuredRecord(layout, RATE, noisy(clean, layout, 1)))
-    body = [name.partition('_')[0] for name in found.names]
-    truth = delays[1:].copy()
-    for name in set(body):
-        own = np.array([one == name for one in body])
-        truth[own] -= truth[own].mean()
-    scores = (found.delays - truth) / found.standard_deviations
-    assert np.abs(scores).max() < 4.5
-    assert 0.6 < np.sqrt(np.mean(scores**2)) < 1.4
-    assert found.names[int(np.argmax(found.delays))] == layout.sensors[5].name
-
-
-def test_what_no_other_sensor_sees_has_no_delay():
-    model = assemble(knee_and_column())
-    whole = complete_layout(model.machine, 1e-8, 1e-2, kinds=(D, A))
-    # The knee has displacement sensors alone, six that are just enough.
-    knee = [one for one in whole.sensors if one.body == 'knee' and one.kind is D]
-    few = [one for one in knee if one.name[-2:] in {'0x', '0y', '0z', '1y', '1z', '2x'}]
-    layout = Layout((*(one for one in whole.sensors if one.body != 'knee'), *few))
-    clean = readings(model, layout, np.zeros(len(layout.sensors)), count=1500)
-    found = channel_delays(model, MeasuredRecord(layout, RATE, noisy(clean, layout, 1)))
-    alone = np.array([name.startswith('knee') for name in found.names])
-    assert np.isinf(found.standard_deviations[alone]).all()
-    assert np.isfinite(found.standard_deviations[~alone]).all()
 
 
 def test_rest_tells_no_delay():

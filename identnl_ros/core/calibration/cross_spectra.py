@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.synchronisation.delay_estimate import advanced
+from identnl_ros.core.synchronisation.advanced import advanced
 from identnl_ros.core.synchronisation.segment_spectra import segment_spectra, SegmentSpectra
 import numpy as np
 from numpy.typing import NDArray

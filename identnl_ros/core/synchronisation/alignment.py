@@ -15,6 +15,7 @@ from identnl_ros.core.mechanics.modes import Mode
 from identnl_ros.core.synchronisation.clock_fit import Clock, CRYSTAL_TOLERANCE, fit_clock
 from identnl_ros.core.synchronisation.damping_cost import delay_warning
 from identnl_ros.core.synchronisation.delay_estimate import DelayEstimate, source_delays
+from identnl_ros.core.synchronisation.misfit import MOST_UNEXPLAINED
 from identnl_ros.core.synchronisation.resampling import Grid, resample
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +162,7 @@ def align(
     ------
     DataError
         If channels are missing or twice there, stamps have a step, or the sources do not
-        overlap.
+        overlap or saw different motion.
 
     """
     places = channel_places(layout, sources)
@@ -192,6 +193,11 @@ def align(
         shift = np.sqrt(delays**2 + (skews * found.duration) ** 2 / 12)
         if np.all(shift <= ENOUGH * found.deviation_over_record[1:]):
             break
+    if found.unexplained > MOST_UNEXPLAINED:
+        raise DataError(
+            f'sources {", ".join(names)}: {found.unexplained:.0%} of the motion does not fit; '
+            'check that the stamps of all sources are of the same clock and the same run'
+        )
     zero = np.zeros(len(sources))
     return Alignment(record, clocks, grids, replace(found, delays=zero, skews=zero))
 

@@ -11,6 +11,7 @@ from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.simulation.stand import MOTION_KINDS
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 SHORTEST_SEGMENT = 128  # samples
 LONGEST_SEGMENT = 2048
@@ -22,6 +23,8 @@ OVERLAP = 0.75
 BINS_OF_A_CONSTANT = 3
 # A bin is used if the readings have so many times the power of the noise.
 POWER_OVER_NOISE = 1.5
+# Of one channel in what no rigid motion explains of another [-].
+NO_WEIGHT = 1e-9
 # A channel with fewer valid samples is left out [-].
 LEAST_VALID = 0.5
 
@@ -93,6 +96,16 @@ class SegmentSpectra:
         own = np.arange(len(self.channels))
         result[:, own, own] += 1 / self.variance
         return result
+
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """Channels that are linked by redundancy have the same number, shape (n_used,)."""
+        weights = self.projections * np.sqrt(
+            self.variance[:, :, np.newaxis] * self.variance[:, np.newaxis, :]
+        )
+        most = np.abs(weights).max(axis=0, initial=0.0)
+        _, groups = connected_components(most > NO_WEIGHT, directed=False)
+        return np.asarray(groups, dtype=np.int64)
 
     def taken_back(self, used: int, coefficients: NDArray[np.complex128]) -> NDArray[np.float64]:
         """

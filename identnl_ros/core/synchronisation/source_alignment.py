@@ -14,10 +14,12 @@ from identnl_ros.core.synchronisation.alignment import ENOUGH, MOST_ROUNDS, SEAR
 from identnl_ros.core.synchronisation.damping_cost import damped_modes, delay_warning
 from identnl_ros.core.synchronisation.delay_tracking import DELAY, DelayTracker, SKEW
 from identnl_ros.core.synchronisation.grid_line import Line
+from identnl_ros.core.synchronisation.misfit import MOST_UNEXPLAINED
 from identnl_ros.core.synchronisation.motion_delay import motion_delays
 from identnl_ros.core.synchronisation.robust_mean import robust_mean
 from identnl_ros.core.synchronisation.source_stream import SourceStream
 import numpy as np
+from numpy.typing import NDArray
 
 # A delay that has become known is taken out within about so long [s].
 SLEWING = 0.5
@@ -27,6 +29,9 @@ MOST_SLEW = 1e-3
 UPDATE = 4.0
 # Most samples of the time since the last look that are compared.
 WINDOW = 8192
+# Delay and skew of a file that are farther from what is known before, in standard deviations,
+# are another maximum of the correlation: by chance once in 3e5 files.
+FARTHEST = 5.0
 # Stamps of a host are no better than this [s].
 LEAST_JITTER = 1e-7
 
@@ -47,6 +52,9 @@ class SourceAlignment:
         Of its clock against that of the reference; positive: it is slow [-].
     deviation : float
         Standard deviation of the delay that remains until the next look at the motion [s].
+    contradiction : str
+        In what its motion does not fit that of the others, a sentence; empty: it does, or there
+        is none.
 
     """
 
@@ -55,6 +63,7 @@ class SourceAlignment:
     offset: float
     skew: float
     deviation: float
+    contradiction: str = ''
 
 
 class SourceAligner:
@@ -90,6 +99,7 @@ class SourceAligner:
         self._offsets = np.zeros(len(streams))
         self._stamps: list[list[tuple[int, int]]] = [[] for _ in streams]
         self._warned = [False] * len(streams)
+        self._contradictions = [''] * len(streams)
         self._modes = damped_modes(model)
 
     @property
@@ -112,6 +122,7 @@ class SourceAligner:
                     float(self._offsets[number]),
                     skew,
                     self._tracker.deviation(number, UPDATE),
+                    self._contradictions[number],
                 )
             )
         return tuple(result)
@@ -202,7 +213,7 @@ class SourceAligner:
         mean, covariance = self._tracker.known([number], age)
         search = SEARCH * float(np.sqrt(covariance[0, 0]))
         total = np.zeros(2)
-        found = None
+        found, before = None, one.line
         for _ in range(MOST_ROUNDS):
             estimate = motion_delays(
                 self._model, self._layout, (others, [one]), points, self._rate,
@@ -223,6 +234,25 @@ class SourceAligner:
                 break
         if found is None:
             return
+        misfit = ''
+        begins = bool(one.source.start_deviation)
+        if found.unexplained > MOST_UNEXPLAINED:
+            misfit = f'{found.unexplained:.0%} of it remain whatever the delay'
+        elif begins and _squared(total - mean, covariance) > FARTHEST**2:
+            misfit = (
+                f'it would be late by {total[0] * 1e3:.3g} ms, with a clock slow by '
+                f'{total[1] * 1e6:.3g} ppm'
+            )
+        if misfit:
+            reach = SEARCH * float(np.sqrt(covariance[0, 0]))
+            one.line = before
+            self._contradict(
+                [number],
+                f'its motion does not fit that of {others[0].source.name} within '
+                f'+-{reach * 1e3:.3g} ms: {misfit}',
+            )
+            return
+        self._contradict([number])
         told = found.covariance[np.ix_([1, 3], [1, 3])]
         self._tracker.add_motion([number], total, told, age)
         delay = float(total[0] + total[1] * age)
@@ -340,10 +370,31 @@ class SourceAligner:
         found = motion_delays(self._model, self._layout, groups, (begin, now), self._rate, prior)
         if found is None:
             return
+        if found.unexplained > MOST_UNEXPLAINED:
+            self._contradict(
+                members,
+                f'its motion does not fit that of {self._reference.source.name} any more: '
+                f'{found.unexplained:.0%} of it remain',
+            )
+            return
+        self._contradict(members)
         count = len(groups)
         order = [place for i in range(1, count) for place in (i, count + i)]
         mean = np.concatenate((found.delays, found.skews))[order]
         self._tracker.add_motion(members, mean, found.covariance[np.ix_(order, order)], age)
+
+    def _contradict(self, members: Sequence[int], sentence: str = '') -> None:
+        """Note that the motion of sources fits, or does not; then stamps alone align them."""
+        for number in members:
+            name, known = self._streams[number].source.name, self._contradictions[number]
+            self._contradictions[number] = sentence
+            if sentence and not known:
+                self._remark(
+                    f'{name}: {sentence}; it is aligned by its stamps alone. Check that they are '
+                    'of the same clock and run, and polarity and order of its channels'
+                )
+            elif known and not sentence:
+                self._remark(f'{name}: its motion fits that of the others again')
 
     def dismiss(self, one: SourceStream) -> None:
         """
@@ -396,3 +447,8 @@ class SourceAligner:
                 GoodNews(f'{name}: is aligned to {readable(deviation, "s")} (standard deviation)')
             )
         self._warned[number] = bool(text)
+
+
+def _squared(values: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
+    """Squared distance in standard deviations."""
+    return float(values @ np.linalg.solve(covariance, values))

@@ -28,4 +28,5 @@ def readable(value: float, unit: str, digits: int = 3) -> str:
     factor, prefix = next(
         (pair for pair in _PREFIXES if abs(value) >= 0.9995 * pair[0]), _PREFIXES[-1]
     )
-    return f'{value / factor:.{digits}g} {prefix}{unit}'
+    rounded = float(f'{value / factor:.{digits}g}')
+    return f'{rounded:g} {prefix}{unit}'

@@ -15,6 +15,8 @@ TIME_TOLERANCE = 1e-6  # of the sample interval [-]
 ROWS_FOR_RATE = 1000
 TELLING = 10.0  # times its rounding a clock must advance to tell anything
 SAME = 1e-9  # [-]
+MOST_DIGITS = 9  # of a sample rate that times tell
+LONGEST_GAP = 1e15  # [samples]
 FEW_GAPS = 2e-3  # of the rows [-]
 
 
@@ -40,6 +42,10 @@ class Clock:
         Time of the first row [s].
     coarseness : float
         How far a difference of two times may be off [s].
+    rate_tolerance : float
+        To which the clock itself tells the rate [-].
+    is_named : bool
+        A time by name, unit or dates, not by its numbers alone.
     is_counter : bool
         A last digit of one sample interval is no rounding: it counts the samples.
 
@@ -54,6 +60,8 @@ class Clock:
     origin_ns: int | None = None
     first: float = 0.0
     coarseness: float = 0.0
+    rate_tolerance: float = 0.0
+    is_named: bool = True
     is_counter: bool = True
 
     @property
@@ -153,7 +161,8 @@ class Clock:
             If the times are no times, uneven, or contradict the sample rate.
 
         """
-        rounding = float(np.nanmedian(self.rounding(times))) if len(times) else 0.0
+        self.require_finite(table, row, times)
+        rounding = float(np.median(self.rounding(times)))
         clock = replace(self, first=float(times[0]), coarseness=rounding)
         passed = float(times[-1] - times[0])
         if self.rate and (
@@ -166,7 +175,7 @@ class Clock:
                 f'{table.place(row)}: {self.name}: the time does not increase, so the sample rate '
                 f'is not known; {wanted}'
             )
-        usual = float(np.nanmedian(np.diff(times)))
+        usual = float(np.median(np.diff(times)))
         if not self.rate:
             if not usual > 0:
                 raise DataError(
@@ -174,7 +183,9 @@ class Clock:
                     'rate is not known; give sample_rate [Hz] in the layout'
                 )
             mean = replace(clock, rate=_mean_rate(times, usual))
-            return replace(clock, rate=_refined(mean.steps(table, row, times), times))
+            tolerance = float(self.rounding(times[-1:])[0]) / passed
+            rate = _rounder(_refined(mean.steps(table, row, times), times), tolerance)
+            return replace(clock, rate=rate, rate_tolerance=tolerance)
         measured = replace(clock, is_counter=False)._measured(table, row, times)
         printed = replace(self, is_counter=False).rounding(times[-1:])
         allowed = TIME_TOLERANCE + float(printed[0]) / passed
@@ -188,11 +199,34 @@ class Clock:
             )
         return clock
 
+    def require_finite(self, table: Table, row: int, times: NDArray[np.float64]) -> None:
+        """
+        Refuse times that are none.
+
+        Parameters
+        ----------
+        table : Table
+        row : int
+            The first one.
+        times : ndarray, shape (n,)
+
+        Raises
+        ------
+        DataError
+
+        """
+        missing = ~np.isfinite(times)
+        if missing.any():
+            raise DataError(
+                f'{table.path}: near {table.row_name} {row + int(np.argmax(missing))} there is no '
+                f'time ({self.name}); fill it in, or remove the row'
+            )
+
     def _measured(self, table: Table, row: int, times: NDArray[np.float64]) -> float:
         """Find the rate by the times alone, as far as they tell it [Hz]."""
         assert self.rate is not None
-        usual = float(np.nanmedian(np.diff(times)))
-        rounding = float(np.nanmedian(self.rounding(times)))
+        usual = float(np.median(np.diff(times)))
+        rounding = float(np.median(self.rounding(times)))
         if abs(usual - 1 / self.rate) <= rounding + TIME_TOLERANCE / self.rate:
             return _refined(self.steps(table, row, times), times)
         return _mean_rate(times, usual, rounding) if usual > rounding else _refined(None, times)
@@ -231,8 +265,7 @@ class Clock:
         """
         interval = 1 / (self.rate or 1.0)
         found = np.diff(times)
-        with np.errstate(invalid='ignore'):
-            counts = np.maximum(1, np.nan_to_num(np.rint(found / interval), posinf=1))
+        counts = np.clip(np.rint(found / interval), 1, LONGEST_GAP)
         rounding = self.rounding(times[1:])
         # Where the times are printed too coarsely to tell, nothing is missing.
         counts[np.abs(found - interval) <= rounding + TIME_TOLERANCE * interval] = 1
@@ -263,9 +296,9 @@ class Clock:
         found = np.diff(times)
         deviation = np.abs(found - counts * interval)
         allowed = self.rounding(times[1:]) + TIME_TOLERANCE * counts * interval
-        wrong = ~(deviation <= allowed)
+        wrong = deviation > allowed
         if wrong.any():
-            at = int(np.argmax(np.where(wrong, np.nan_to_num(deviation, nan=np.inf), 0)))
+            at = int(np.argmax(np.where(wrong, deviation, 0)))
             raise DataError(
                 f'{table.path}: time is not uniform: near {table.row_name} {row + at + 1} it '
                 f'steps by {found[at]:.9g} s, expected {interval:.9g} s within {TIME_TOLERANCE:g} '
@@ -294,6 +327,7 @@ class Timeline:
         self._clocks = [replace(one, rate=rate) for one in clocks]
         self._before = np.empty((0, len(clocks)))
         self._passed = self._gaps = 0
+        self._tolerance = TIME_TOLERANCE + max((one.rate_tolerance for one in clocks), default=0)
 
     def skipped(self, row: int, times: NDArray[np.float64]) -> NDArray[np.int64]:
         """
@@ -324,6 +358,7 @@ class Timeline:
         counts = np.ones(len(known) - 1, np.int64)
         for number, clock in enumerate(self._clocks):
             seconds = known[:, number] * clock.unit
+            clock.require_finite(self._table, row, seconds)
             if number:
                 clock.require(self._table, row, seconds, counts)
             else:
@@ -343,7 +378,7 @@ class Timeline:
             expected = self._passed / clock.rate
             # Rounded is the difference of the ends, and what is missing in every gap.
             ends = (1 + self._gaps) * float(clock.rounding(np.array([time * clock.unit]))[0])
-            if not abs(found - expected) <= ends + TIME_TOLERANCE * expected:
+            if not abs(found - expected) <= ends + self._tolerance * expected:
                 raise DataError(
                     f'{self._table.path}: by {clock.name}, {found:.9g} s pass to '
                     f'{self._table.row_name} {row}, but its samples take {expected:.9g} s at '
@@ -363,7 +398,7 @@ def _refined(counts: NDArray[np.int64] | None, times: NDArray[np.float64]) -> fl
     return _rounder(count / float(times[-1] - times[0]))
 
 
-def _rounder(rate: float) -> float:
-    """Of two nearly equal numbers the rounder one."""
-    short = float(f'{rate:.9g}')
-    return short if abs(short - rate) < 1e-9 * rate else rate
+def _rounder(rate: float, tolerance: float = 0.0) -> float:
+    """Of nearly equal numbers the roundest one."""
+    short = (float(f'{rate:.{digits}g}') for digits in range(1, MOST_DIGITS + 1))
+    return next((one for one in short if abs(one - rate) < max(SAME, tolerance) * rate), rate)

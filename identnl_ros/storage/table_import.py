@@ -240,7 +240,7 @@ def read_table(
         tuple(_names(table, times)),
         tuple(_names(table, sorted(set(range(len(table.columns))) - {*columns, *times}))),
         _begin(table, clocks),
-        clocks[0].begin_ns if clocks else 0,
+        next((one.begin_ns for one in sorted(clocks, key=lambda one: not one.is_named)), 0),
     )
 
 
@@ -250,7 +250,12 @@ def _names(table: Table, columns: list[int]) -> list[str]:
 
 def _begin(table: Table, clocks: list[Clock]) -> int | None:
     """Find when a recording began by what the file tells."""
-    dated = (one.begin_ns for one in clocks if one.begin_ns >= EARLIEST_DATE * NANOSECONDS)
+    dated = (
+        one.begin_ns
+        for one in clocks
+        # Days count from the year 0 or 1900.
+        if one.unit <= 1 and one.begin_ns >= EARLIEST_DATE * NANOSECONDS
+    )
     return next(dated, table.start_ns)
 
 

@@ -4,7 +4,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 import re
 
@@ -282,7 +282,7 @@ def _fitting(table: Table, one: _Candidate, stated: float) -> Clock | None:
         if not clock.tells(times):
             continue
         with suppress(DataError):
-            return clock.checked(table, one.row, times, '', '')
+            return replace(clock.checked(table, one.row, times, '', ''), is_named=False)
     return None
 
 

@@ -44,6 +44,7 @@ def test_parts_of_an_instant_are_as_exact_as_they_are_written(text, seconds, dig
     [
         '', 'Z', '11/22/2026 18:40:00', '6:40:00 PM', '31.02.2026', '2026-13-01', '25:00:00',
         '2026-11-2218:40:00', '1.5', '1,5', '20261122', '22.11.26',
+        '9999-01-01',
     ],
 )  # fmt: skip
 def test_what_is_not_certain_is_not_understood(text):

@@ -198,6 +198,30 @@ def test_seconds_of_days_do_not_cost_the_nanoseconds(tmp_path):
     assert result.lost_samples == 1
 
 
+def test_seconds_since_1970_tell_a_round_rate_as_far_as_they_are_resolved(tmp_path):
+    times = 1.7953728e9 + np.arange(4 * ROWS) / 8000  # to 0.2 us, as doubles are there
+    table = np.tile(TABLE, (4, 1))
+    write_csv(tmp_path / 'a.csv', 'time', np.array([f'{one:.6f}' for one in times]), table)
+    imported(tmp_path, tmp_path / 'a.csv', Layout(LAYOUT.sensors, 'mill'))
+    stream = open_bag(tmp_path / 'bag.mcap').description
+    assert stream.sample_rate == 8000
+    assert stream.stamp_ns == 1_795_372_800 * 10**9
+
+
+@pytest.mark.parametrize('text', ['', 'nan', 'inf', '1e400'])
+@pytest.mark.parametrize('at', [0, 5, 1150])
+def test_row_without_a_time_is_refused(tmp_path, text, at):
+    texts = [f'{row / RATE:.6f}' for row in range(ROWS)]
+    texts[at] = text
+    message = error_of(tmp_path, csv(tmp_path, 'time', [texts]))
+    assert f"near line {at + 2} there is no time (column 'time')" in message
+
+
+def test_time_that_leaps_beyond_all_measure_is_refused(tmp_path):
+    texts = [*(f'{row / RATE:.6f}' for row in range(50)), '9e29']
+    assert 'near line 52 it steps by 9e+29 s' in error_of(tmp_path, csv(tmp_path, 'time', [texts]))
+
+
 @pytest.mark.parametrize('missing', [1, 2, 7])
 @pytest.mark.parametrize('at', [50, 1100])
 def test_single_row_is_missed_where_the_last_digit_counts_rows(tmp_path, missing, at):

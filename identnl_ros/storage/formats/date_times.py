@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 NANOSECONDS = 10**9
 FRACTION_DIGITS = 9
 NOT_A_TIME = int(np.iinfo(np.int64).min)  # as numpy has it
+LONGEST = 9 * 10**18  # that 64 bits hold, to the year 2255 [ns]
 
 _DATE_TIME = re.compile(
     r'(\d{4}-\d\d?-\d\d?|\d{4}/\d\d?/\d\d?|\d\d?\.\d\d?\.\d{4})?'
@@ -194,4 +195,5 @@ def _whole(date: str | None, clock: str | None, zone: str | None) -> int | None:
     except (ValueError, OverflowError):
         return None
     since = moment - _EPOCH
-    return (since.days * 86_400 + since.seconds) * NANOSECONDS
+    found = (since.days * 86_400 + since.seconds) * NANOSECONDS
+    return found if abs(found) < LONGEST else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from identnl_ros.core.errors import DataError
+from identnl_ros.core.measurement.blocks import LARGEST_READING
 from identnl_ros.core.measurement.measured_record import MARGIN, MeasuredRecord
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.synchronisation.damping_cost import damped_modes, damping_change
@@ -128,6 +129,7 @@ def _newest_whole(bag: Bag, stream: StandDescription) -> MeasuredRecord:
         if sum(map(len, parts)) >= sum(map(len, best)):
             best, best_index = list(parts), first_index
     samples = np.concatenate(best) if best else np.empty((0, len(stream.layout.sensors)))
+    samples = np.where(np.abs(samples) <= LARGEST_READING, samples, np.nan)
     if len(samples) < 4 * MARGIN:
         raise DataError(f'{bag.path}: has too few samples without a gap to find delays')
     return MeasuredRecord(stream.layout, stream.sample_rate, samples, best_index)

@@ -160,7 +160,7 @@ def _streamed(
     if identifier.samples + identifier.rejected == 0:
         raise DataError(
             f'{bags[0].path}: the bag is too short; no sample has the neighbours that its '
-            'derivatives need'
+            f'derivatives need{_damage(bags)}'
         )
     return identifier.estimate().doubted(contradictions)
 
@@ -185,6 +185,7 @@ def _likelihood(
     if not records:
         raise DataError(
             f'{bags[0].path}: no run of samples without a gap is long enough to be simulated'
+            f'{_damage(bags)}'
         )
     with _fitting(bags[0], model):
         estimate = likelihood_estimate(model, records, unknowns)
@@ -253,6 +254,10 @@ def _unused(
         one.channel: judged.believed_against(one.channel, unused) for one in wrong
     }
     return unused
+
+
+def _damage(bags: Sequence[Bag]) -> str:
+    return ''.join(bag.damage for bag in bags)
 
 
 def _voted_out(channel: str, believed: Sequence[str]) -> str:

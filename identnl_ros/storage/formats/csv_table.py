@@ -41,6 +41,8 @@ class CsvTable(Table):
     """
 
     row_name = 'line'
+    # What remains of a name without its unit.
+    aliases_are_names = True
 
     def __init__(self, path: Path) -> None:
         """Read the names of the columns."""
@@ -99,6 +101,9 @@ class CsvTable(Table):
                 if not values:
                     first = number
                 try:
+                    # Python takes 1_0 for ten; no program writes numbers so.
+                    if '_' in line:
+                        raise ValueError
                     values.append(list(map(float, pick(cells))))
                 except ValueError:
                     values.append([self._number(cells[column], number) for column in columns])
@@ -198,7 +203,7 @@ class CsvTable(Table):
         if not text:
             return float('nan')
         try:
-            return float(text)
+            return _converted(text)
         except ValueError:
             hint = ', with a decimal point' if ',' in text else ''
             raise DataError(
@@ -230,7 +235,13 @@ def _without_empty_end(cells: list[str]) -> list[str]:
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell)
+        _converted(cell)
     except ValueError:
         return not cell.strip()
     return True
+
+
+def _converted(cell: str) -> float:
+    if '_' in cell:
+        raise ValueError('an underscore is no part of a number')
+    return float(cell)

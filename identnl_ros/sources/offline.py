@@ -25,6 +25,7 @@ from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.sources.judged_stream import JudgedStream
 from identnl_ros.sources.losses import Losses
+from identnl_ros.sources.usable_pieces import UsablePieces
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine
 from identnl_ros.storage.stand_description import StandDescription
@@ -142,6 +143,7 @@ def _streamed(
     bags: Sequence[Bag], model: Model, estimator: str, without: Collection[str], losses: Losses
 ) -> Estimate:
     identifier = identifier_for(model, estimator)
+    pieces = UsablePieces()
     contradictions: list[str] = []
     for bag in bags:
         for stream in bag.streams:
@@ -153,6 +155,7 @@ def _streamed(
                 motion = transform.add(block)
                 if motion is not None:
                     identifier.add(motion)
+                    pieces.add(motion)
             identifier.end_stream()
             losses.add(judged.summary, unused)
             losses.degradation += transform.degradation
@@ -162,7 +165,8 @@ def _streamed(
             f'{bags[0].path}: the bag is too short; no sample has the neighbours that its '
             f'derivatives need{_damage(bags)}'
         )
-    return identifier.estimate().doubted(contradictions)
+    estimate = identifier.estimate().doubted(contradictions)
+    return estimate.noted(pieces.remarks(estimate))
 
 
 def _likelihood(

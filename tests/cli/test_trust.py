@@ -62,3 +62,26 @@ def test_values_without_standard_deviations_are_a_negative_verdict(identnl, tmp_
     assert all(one['standard_deviation'] is None for one in found['parameters'])
     assert {one['status'] for one in found['parameters']} == {'noise_limited'}
     assert result.exit_code == 1
+
+
+def test_why_nothing_is_known_after_many_samples_is_told(identnl, tmp_path):
+    def gaps(samples, columns):
+        for first in range(0, len(samples), 100):
+            samples[first : first + 3, columns['force']] = float('nan')
+
+    bag = write_oscillator(tmp_path / 'run.mcap', gaps, duration=1.0)
+    result = identnl('identify', bag, '--json')
+    assert result.exit_code == 1
+    found = json.loads(result.stdout)
+    assert {one['status'] for one in found['parameters']} == {'unknown'}
+    (note,) = [one for one in found['notes'] if one.startswith('Nothing is known')]
+    assert 'the longest piece without a gap has 97 of them (0.0194 s at 5000 Hz)' in note
+
+
+def test_sample_rate_a_thousand_times_too_low_is_told_where_nothing_is_known(identnl, tmp_path):
+    # As by a column of milliseconds that is headed [s].
+    bag = write_oscillator(tmp_path / 'run.mcap', duration=1.0, rate=5.0)
+    result = identnl('identify', bag, '--json')
+    assert result.exit_code == 1
+    notes = json.loads(result.stdout)['notes']
+    assert any('at 5 Hz' in note and 'whether the sample rate is right' in note for note in notes)

@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `identify` says of how far its result may be trusted, and its exit code."""
 
+from dataclasses import replace
 import json
 
+from identnl_ros.storage.bag_reader import open_bag
+from identnl_ros.storage.bag_writer import BagWriter
 import pytest
 
 from tests.oscillator_bags import FREE, gains, write_oscillator
@@ -85,3 +88,20 @@ def test_sample_rate_a_thousand_times_too_low_is_told_where_nothing_is_known(ide
     assert result.exit_code == 1
     notes = json.loads(result.stdout)['notes']
     assert any('at 5 Hz' in note and 'whether the sample rate is right' in note for note in notes)
+
+
+def test_blocks_after_the_last_one_are_told_as_that(identnl, tmp_path):
+    whole = open_bag(write_oscillator(tmp_path / 'whole.mcap', duration=0.5))
+    blocks = list(whole.blocks())
+    middle = len(blocks) // 2
+    with BagWriter(tmp_path / 'run.mcap') as bag:
+        bag.write_description(whole.description)
+        for number, block in enumerate(blocks):
+            bag.write_block(replace(block, last=number == middle))
+    words = f'{len(blocks) - middle - 1} blocks come after one that says it is the last'
+    result = identnl('identify', tmp_path / 'run.mcap', '--estimator', 'pointwise', '--json')
+    (problem,) = json.loads(result.stdout)['problems']
+    assert problem.startswith(words)
+    result = identnl('check', tmp_path / 'run.mcap', '--json')
+    assert result.exit_code == 1
+    assert words in result.stdout

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.sources.simulated import Excitation, SimulatedSource, TestRun
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.layout_file import read_layout
@@ -59,7 +58,7 @@ def write_oscillator(
     machine: str = MACHINE,
     probes: tuple[str, ...] = ('d1', 'a1'),
     duration: float = 2.0,
-    shape: Callable[[SampleBlock], SampleBlock] = lambda block: block,
+    rate: float = RATE,
 ) -> Path:
     """
     Write a bag.
@@ -75,8 +74,8 @@ def write_oscillator(
         See `layout`.
     duration : float
         [s].
-    shape : callable
-        Changes a block as it is written.
+    rate : float
+        Sample rate that the bag states; the samples are those at `RATE` [Hz].
 
     Returns
     -------
@@ -91,10 +90,12 @@ def write_oscillator(
     samples = np.concatenate([block.samples for block in blocks])
     fault(samples, {sensor.name: i for i, sensor in enumerate(sensors.sensors)})
     with BagWriter(path) as bag:
-        bag.write_description(source.description)
+        bag.write_description(replace(source.description, sample_rate=rate))
         for block in blocks:
             part = samples[block.first_index : block.next_index]
-            bag.write_block(shape(replace(block, samples=part)))
+            stamp_ns = round(block.first_index / rate * 1e9)
+            stated = replace(block, samples=part, sample_rate=rate, stamp_ns=stamp_ns)
+            bag.write_block(stated)
     return path
 
 

@@ -4,7 +4,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-import json
 import os
 import signal
 import sys
@@ -144,6 +143,7 @@ def run() -> None:
 def _run(arguments: list[str]) -> int:
     import click
     from identnl_ros.cli.commands import cli
+    from identnl_ros.cli.output import DONE, UNWRITABLE, WRITABLE
 
     try:
         # A whole number: --help and the like.
@@ -151,6 +151,13 @@ def _run(arguments: list[str]) -> int:
         return result if isinstance(result, int) else 0
     except click.Abort:
         raise KeyboardInterrupt from None
+    except OSError as error:
+        # What commands read and write they tell themselves: this is the text of --help.
+        sys.stdout = None
+        if isinstance(error, BrokenPipeError):
+            return DONE
+        print(f'identnl: {UNWRITABLE}: {error.strerror}; {WRITABLE}', file=sys.stderr)
+        return WRONG_USE
     except click.ClickException as error:
         error.show()
         _show_error(error.format_message(), arguments)
@@ -159,7 +166,9 @@ def _run(arguments: list[str]) -> int:
 
 def _show_error(message: str, arguments: list[str]) -> None:
     if '--json' in arguments:
-        print(json.dumps({'error': message}, indent=2), flush=True)
+        from identnl_ros.cli.output import show_error
+
+        show_error(message)
 
 
 def _is_interrupt(error: BaseException | None) -> bool:

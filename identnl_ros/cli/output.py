@@ -15,6 +15,8 @@ from identnl_ros.core.errors import IdentnlError
 DONE = 0
 NEGATIVE = 1
 WRONG_USE = 2
+UNWRITABLE = 'standard output cannot be written'
+WRITABLE = 'make room, or send it elsewhere'
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,11 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     def body(*, as_json: bool, **arguments: Any) -> None:
         try:
             outcome = function(**arguments)
+        except (IdentnlError, OSError) as error:
+            _fail(str(error), as_json, WRONG_USE)
+        except MemoryError:
+            _fail('not enough memory for so much data at once', as_json, WRONG_USE)
+        try:
             if as_json:
                 print(json.dumps(outcome.document, indent=2, allow_nan=False))
             else:
@@ -67,10 +74,12 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
             # The reader has seen enough; keep the interpreter from complaining at exit.
             sys.stdout = None
             sys.exit(DONE)
-        except (IdentnlError, OSError) as error:
+        except IdentnlError as error:
             _fail(str(error), as_json, WRONG_USE)
-        except MemoryError:
-            _fail('not enough memory for so much data at once', as_json, WRONG_USE)
+        except OSError as error:
+            # Nothing more can be written there, not even this.
+            sys.stdout = None
+            _fail(f'{UNWRITABLE}: {error.strerror or error}; {WRITABLE}', False, WRONG_USE)
         sys.exit(outcome.exit_code)
 
     return body
@@ -91,5 +100,20 @@ def say(message: str) -> None:
 def _fail(message: str, as_json: bool, exit_code: int) -> None:
     say(f'identnl {click.get_current_context().info_name}: {message}')
     if as_json:
-        print(json.dumps({'error': message}, indent=2))
+        show_error(message)
     sys.exit(exit_code)
+
+
+def show_error(message: str) -> None:
+    """
+    Write the document of an error, as far as standard output takes it.
+
+    Parameters
+    ----------
+    message : str
+
+    """
+    try:
+        print(json.dumps({'error': message}, indent=2), flush=True)
+    except OSError:
+        sys.stdout = None

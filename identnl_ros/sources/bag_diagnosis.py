@@ -12,7 +12,7 @@ from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.sources.bag_runs import BagRuns
 from identnl_ros.sources.offline import machine_of_bag
 from identnl_ros.sources.record_diagnosis import diagnose_record, divided
-from identnl_ros.storage.bag_reader import open_bag
+from identnl_ros.storage.bag_reader import Bag, open_bag
 
 
 def diagnose_bag(
@@ -49,26 +49,28 @@ def diagnose_bag(
     """
     bag = open_bag(path)
     machine = machine_of_bag(bag, machine_path)
-    record = _longest_run(path)
-    problems = list(bag.problems)
+    record = _longest_run(bag)
+    problems = bag.problems
     held_out = None
     if validate is not None:
-        held_out = _longest_run(validate)
+        other = open_bag(validate)
+        held_out = _longest_run(other)
         _require_same(record.layout, held_out.layout, validate)
-        problems += open_bag(validate).problems
+        problems += other.problems
     parts = divided(record, held_out, str(path))
     return diagnose_record(machine, *parts, seed, progress, tuple(problems))
 
 
-def _longest_run(path: Path) -> MeasuredRecord:
-    bag = open_bag(path)
+def _longest_run(bag: Bag) -> MeasuredRecord:
     longest: MeasuredRecord | None = None
     for stream in bag.streams:
         for record in BagRuns(bag, stream).runs():
             if longest is None or len(record.samples) > len(longest.samples):
                 longest = record
     if longest is None:
-        raise DataError(f'{path}: no uninterrupted run with a measured force in it')
+        raise DataError(
+            f'{bag.path}: no uninterrupted run with a measured force in it{bag.damage}'
+        )
     return longest
 
 

@@ -84,7 +84,7 @@ def validate_bag(
     model, covariance = with_result(assemble(machine), result, parameters)
     notes = _notes_on(result, model, covariance)
     comparisons: list[StreamComparison] = []
-    losses = Losses(problems=list(bag.problems))
+    losses = Losses()
     traces, ids, problems = [], [], []
     for stream in bag.streams:
         runs = BagRuns(bag, stream)
@@ -104,8 +104,9 @@ def validate_bag(
     if not comparisons:
         raise DataError(
             f'{path}: no uninterrupted run of {SHORTEST_RUN} samples with a measured force in it; '
-            'there is nothing to compare with'
+            f'there is nothing to compare with{bag.damage}'
         )
+    losses.problems += bag.problems
     agreement = Agreement(tuple(comparisons))
     if not agreement.tests:
         raise DataError(f'{path}: no sensor of motion has a valid reading')

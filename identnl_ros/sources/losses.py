@@ -9,6 +9,11 @@ from identnl_ros.core.quality.common_faults import told_once
 from identnl_ros.core.quality.condition import Condition, EXCLUDING
 from identnl_ros.core.quality.monitor import QualitySummary
 
+AFTER_END = (
+    '{} blocks come after one that says it is the last of its stream, and were left out; let the '
+    'source begin a new stream, or mark the last block only'
+)
+
 
 @dataclass
 class Losses:
@@ -21,6 +26,8 @@ class Losses:
         Missing between the blocks, by their running index.
     blocks : int
         Repeated, late or from another source.
+    after_end : int
+        Blocks after the one that ends the stream.
     readings : dict of str to int
         Samples left out, by channel.
     causes : dict of str to dict of str to int
@@ -43,6 +50,7 @@ class Losses:
 
     samples: int = 0
     blocks: int = 0
+    after_end: int = 0
     readings: dict[str, int] = field(default_factory=dict)
     causes: dict[str, dict[str, int]] = field(default_factory=dict)
     channels: dict[str, None] = field(default_factory=dict)
@@ -65,7 +73,8 @@ class Losses:
 
         """
         self.samples += summary.lost_samples
-        self.blocks += summary.repeated_blocks + summary.foreign_blocks
+        self.blocks += summary.repeated_blocks - summary.blocks_after_end + summary.foreign_blocks
+        self.after_end += summary.blocks_after_end
         for channel in summary.channels:
             self.channels[channel.name] = None
             if channel.name in without or not channel.excluded:
@@ -106,6 +115,8 @@ class Losses:
             remarks.append(f'{self.samples} samples are missing between the blocks')
         if self.blocks:
             remarks.append(f'{self.blocks} blocks were repeated, late or foreign')
+        if self.after_end:
+            remarks.append(AFTER_END.format(self.after_end))
         return remarks
 
 

@@ -25,6 +25,7 @@ from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.sources.judged_stream import JudgedStream
 from identnl_ros.sources.losses import Losses
+from identnl_ros.sources.usable_pieces import UsablePieces
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine
 from identnl_ros.storage.stand_description import StandDescription
@@ -148,6 +149,7 @@ def _streamed(
     bags: Sequence[Bag], model: Model, estimator: str, without: Collection[str], losses: Losses
 ) -> Estimate:
     identifier = identifier_for(model, estimator)
+    pieces = UsablePieces()
     contradictions: list[str] = []
     for bag in bags:
         for stream in bag.streams:
@@ -161,6 +163,7 @@ def _streamed(
                 motion = transform.add(block)
                 if motion is not None:
                     identifier.add(motion)
+                    pieces.add(motion)
             identifier.end_stream()
             losses.add(judged.summary, unused)
             losses.degradation += transform.degradation
@@ -168,9 +171,10 @@ def _streamed(
     if identifier.samples + identifier.rejected == 0:
         raise DataError(
             f'{bags[0].path}: the bag is too short; no sample has the neighbours that its '
-            'derivatives need'
+            f'derivatives need{_damage(bags)}'
         )
-    return identifier.estimate().doubted(contradictions)
+    estimate = identifier.estimate().doubted(contradictions)
+    return estimate.noted(pieces.remarks(estimate))
 
 
 def _likelihood(
@@ -193,6 +197,7 @@ def _likelihood(
     if not records:
         raise DataError(
             f'{bags[0].path}: no run of samples without a gap is long enough to be simulated'
+            f'{_damage(bags)}'
         )
     losses.doing(f'fitting {len(model.estimated) + len(unknowns)} parameters to all records')
     with _fitting(bags[0], model):
@@ -274,6 +279,10 @@ def _unused(
     for sentence in left_out:
         losses.tell(sentence)
     return unused
+
+
+def _damage(bags: Sequence[Bag]) -> str:
+    return ''.join(bag.damage for bag in bags)
 
 
 def _voted_out(channel: str, believed: Sequence[str]) -> str:

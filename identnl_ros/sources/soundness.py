@@ -20,6 +20,7 @@ from identnl_ros.core.quality.common_faults import fault_of, told_once
 from identnl_ros.core.quality.condition import Condition, EXCLUDING, Finding
 from identnl_ros.core.quality.monitor import monitored, QualityMonitor, QualitySummary
 from identnl_ros.sources.delay_check import check_delays
+from identnl_ros.sources.losses import AFTER_END
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.layout_file import load_layout
 from identnl_ros.storage.machine_file import load_machine, read_machine
@@ -189,6 +190,8 @@ def check_bag(path: Path, machine_path: Path | None, delays: bool = False) -> Fi
                 _lacking(findings, lost, samples + lost).append(
                     f'{lost} of {samples + lost} samples are missing between the blocks'
                 )
+            if summary.blocks_after_end:
+                findings.problems.append(AFTER_END.format(summary.blocks_after_end))
             _tell_faults(findings, summary)
             if machine is not None:
                 facts |= _fit(machine, stream.layout, stream.sample_rate)

@@ -71,6 +71,11 @@ class Bag:
         """What was found wrong so far, in sentences; complete after `blocks` has ended."""
         return self._problems.sentences()
 
+    @property
+    def damage(self) -> str:
+        """The `problems` as the end of a sentence; empty: none so far."""
+        return ''.join(f'; {sentence}' for sentence in self.problems)
+
     def metadata(self, name: str) -> dict[str, str] | None:
         """
         Find a metadata record.
@@ -166,19 +171,18 @@ class Bag:
         channels = [channel for file in self._files for channel in file.channels]
         types = {channel.type_name for channel in channels}
         missing = [name for name in (STAND_DESCRIPTION, SAMPLE_BLOCK) if name not in types]
-        damage = ''.join(f'; {sentence}' for sentence in self.problems)
         if missing:
             found = ', '.join(
                 sorted({f'{channel.topic} ({channel.type_name})' for channel in channels})
             )
             raise DataError(
                 f'{self.path} is not a recording of a stand: found {found or "no topics"}, '
-                f'expected also {" and ".join(missing)}{damage}'
+                f'expected also {" and ".join(missing)}{self.damage}'
             )
         if not self._streams:
             raise DataError(
                 f'{self.path} has the topic of the stand description but no readable message '
-                f'on it, so the channels are not known{damage}'
+                f'on it, so the channels are not known{self.damage}'
             )
 
 

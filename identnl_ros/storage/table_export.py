@@ -102,7 +102,9 @@ def export_table(
         samples += len(block)
         end = index + len(block)
     if not samples:
-        raise DataError(f'{bag.path}: the stream of stand {stream.stand} has no samples')
+        raise DataError(
+            f'{bag.path}: the stream of stand {stream.stand} has no samples{bag.damage}'
+        )
     names = tuple(sensor.name for sensor in stream.layout.sensors)
 
     def rows() -> Iterator[tuple[int, NDArray[np.float64]]]:

@@ -3,8 +3,13 @@
 """What users get wrong: a sentence, exit code 2, and nothing half-written."""
 
 import json
+from pathlib import Path
+import subprocess
+import sys
 
 import pytest
+
+from tests.oscillator_bags import write_oscillator
 
 SINE = ('simulate', '--machine', 'config/knee_column.yaml', '--duration', '0.05')
 
@@ -143,3 +148,43 @@ def test_record_of_nothing_determines_nothing(identnl, tmp_path, config):
     assert result.exit_code == 1
     statuses = {one['status'] for one in json.loads(result.stdout)['parameters']}
     assert statuses == {'unknown'}
+
+
+@pytest.mark.parametrize(
+    'command',
+    [
+        ('identify',),
+        ('identify', '--estimator', 'pointwise'),
+        ('identify', '--estimator', 'likelihood'),
+        ('diagnose',),
+        ('check', '--delays'),
+    ],
+    ids=' '.join,
+)
+def test_readings_that_no_sensor_gives_are_none(identnl, tmp_path, command):
+    def overflowing(samples, columns):
+        samples[:] *= 1e300
+
+    bag = write_oscillator(tmp_path / 'huge.mcap', overflowing, duration=0.3)
+    result = identnl(*command, bag, '--json')
+    assert result.exit_code in (1, 2)
+    assert json.loads(result.stdout)
+
+
+@pytest.mark.parametrize(
+    'arguments',
+    [('check', '{bag}', '--json'), ('check', '{bag}'), ('nonsense', '--json'), ('-h',)],
+)
+def test_full_standard_output_gets_a_sentence_and_exit_code_2(bags, arguments):
+    bag = str(bags / 'knee_column_sine.mcap')
+    with Path('/dev/full').open('w', encoding='utf-8') as full:
+        result = subprocess.run(
+            [
+                sys.executable, '-m', 'identnl_ros.cli.main',
+                *(one.format(bag=bag) for one in arguments),
+            ],
+            stdout=full, stderr=subprocess.PIPE, text=True, timeout=120,
+        )  # fmt: skip
+    assert result.returncode == 2
+    assert 'Traceback' not in result.stderr
+    assert 'No space left on device; make room' in result.stderr or 'nonsense' in result.stderr

@@ -5,7 +5,12 @@
 from dataclasses import replace
 
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.measurement.blocks import MotionBlock, samples_per_block, stamp_after
+from identnl_ros.core.measurement.blocks import (
+    MotionBlock,
+    SampleBlock,
+    samples_per_block,
+    stamp_after,
+)
 import numpy as np
 import pytest
 
@@ -42,3 +47,11 @@ def test_covariance_of_another_size_is_refused_by_name(name):
 def test_motion_of_another_size_is_refused_by_name(name):
     with pytest.raises(DataError, match=f'motion block 0: (displacement|{name}|velocity)'):
         replace(motion_block(), **{name: np.zeros((5, 3))})
+
+
+def test_index_at_which_times_lose_their_digits_is_refused():
+    block = SampleBlock(1, 0, 2**48, 1e3, np.zeros((5, 2)), np.zeros(2, np.uint8))
+    instants = (block.first_index + np.arange(5)) / block.sample_rate
+    np.testing.assert_allclose(np.diff(instants) * block.sample_rate, 1, atol=1 / 16)
+    with pytest.raises(DataError, match='sample index is 9223372036854771808, expected no more'):
+        replace(block, first_index=2**63 - 4000)

@@ -9,12 +9,16 @@ import shutil
 import struct
 
 from identnl_ros.core.errors import DataError
+from identnl_ros.sources.bag_diagnosis import diagnose_bag
+from identnl_ros.sources.offline import identify_bags
 from identnl_ros.storage.bag_reader import open_bag
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.message_types import encode_block
+from identnl_ros.storage.table_export import export_table
 import numpy as np
 import pytest
 
+from tests.oscillator_bags import write_oscillator
 from tests.storage.bag_examples import (
     assert_same_block,
     blocks,
@@ -221,3 +225,19 @@ def test_bag_is_read_with_bounded_memory(tmp_path):
     assert sum(1 for _ in open_bag(tmp_path / 'a.mcap').blocks()) == 1000
     growth = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert growth * 1024 < samples.nbytes * 1000 / 5
+
+
+def test_damage_is_told_where_it_leaves_nothing_to_identify(tmp_path):
+    path = write_oscillator(tmp_path / 'a.mcap', duration=0.2)
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2  # of the only chunk with samples
+    data[middle : middle + 8] = bytes(255 - one for one in data[middle : middle + 8])
+    path.write_bytes(bytes(data))
+    for act in (
+        lambda: identify_bags([path]),
+        lambda: identify_bags([path], estimator='likelihood'),
+        lambda: diagnose_bag(path),
+        lambda: export_table(open_bag(path), tmp_path / 'a.csv'),
+    ):
+        with pytest.raises(DataError, match='a damaged part was left out'):
+            act()

@@ -233,6 +233,8 @@ def test_unknown_sample_rate_is_refused(tmp_path):
         ),
         ('1,2\n', ": no column 'F' (sensor force); the file has no names but the columns 1 to 2"),
         ('F,x 1,F\n1,2,3\n', ": 2 columns are called 'F' (sensor force); give the number"),
+        ('F [N],x 1,F\n1,2,3\n', ": 2 columns are called 'F' (sensor force); give the number"),
+        ('F,x 1\n1,2\n1,1_0\n', ":3: '1_0' is not a number; correct it"),
         ('F,x 1\n1,2\n1,off\n', ":3: 'off' is not a number; correct it"),
         ('F,x 1\nN,off\n1,2\n', ":2: 'N' is not a number; correct it, or start the line with #"),
         ('F;x 1\n1.2,5;2\n', ":2: '1.2,5' is not a number, with one decimal point or comma"),

@@ -12,6 +12,11 @@ from numpy.typing import NDArray
 NANOSECONDS = 1_000_000_000
 BLOCK_DURATION = 0.01  # [s]
 SMALLEST_BLOCK = 50  # samples
+# Beyond this index, a time as a floating-point number tells instants no better than to 1/32 of a
+# sample; at 1 MHz, it is reached after nine years.
+LARGEST_INDEX = 2**48
+# No number in SI that a sensor of a machine reads is larger; of such, products overflow.
+LARGEST_READING = 1e30
 MOTION = ('displacement', 'velocity', 'acceleration', 'force')
 
 
@@ -48,7 +53,7 @@ class SampleBlock:
     Raises
     ------
     DataError
-        If shapes disagree, the sample rate is not positive or the index is negative.
+        If shapes disagree, the sample rate is not positive or the index is negative or too large.
 
     """
 
@@ -136,7 +141,7 @@ class MotionBlock:
     Raises
     ------
     DataError
-        If shapes disagree, the sample rate is not positive or the index is negative.
+        If shapes disagree, the sample rate is not positive or the index is negative or too large.
 
     """
 
@@ -229,6 +234,11 @@ def stamp_after(stamp_ns: int, samples: int, sample_rate: float) -> int:
 def _check_head(first_index: int, sample_rate: float) -> None:
     if first_index < 0:
         raise DataError(f'block: the first sample index is {first_index}, expected 0 or more')
+    if first_index > LARGEST_INDEX:
+        raise DataError(
+            f'block: the first sample index is {first_index}, expected no more than '
+            f'{LARGEST_INDEX}; let the source count from the begin of the stream'
+        )
     if not (np.isfinite(sample_rate) and sample_rate > 0):
         raise DataError(
             f'block {first_index}: the sample rate is {sample_rate} Hz, expected a positive number'

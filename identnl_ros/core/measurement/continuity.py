@@ -47,6 +47,7 @@ class StreamFollower:
     lost_samples: int = 0
     repeated_blocks: int = 0
     foreign_blocks: int = 0
+    blocks_after_end: int = 0
     _foreign_id: int | None = None
     _foreign_run: int = 0
     _began_at: int | None = None
@@ -82,6 +83,8 @@ class StreamFollower:
             return Arrival.FIRST
         if self.ended or first_index < self.next_index:
             self.repeated_blocks += 1
+            # Of these, those that are new but come after the end.
+            self.blocks_after_end += int(first_index >= self.next_index)
             return Arrival.REPEATED
         lost = first_index - self.next_index
         self.lost_samples += lost

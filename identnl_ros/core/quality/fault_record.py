@@ -138,7 +138,10 @@ _WORDS = {
         '{samples} delivered before come again {since}, left out; check how the source reads '
         'its buffers'
     ),
-    Condition.MISSING: '{samples} without a valid number {since}; check cable and source',
+    Condition.MISSING: (
+        '{samples} without a valid number (none, infinite or beyond 1e30) {since}; check cable '
+        'and source'
+    ),
     Condition.SATURATED: (
         'at the end of the range ({amount}) for {samples} {since}, left out; choose a larger '
         'range or a smaller force'

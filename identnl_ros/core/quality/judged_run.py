@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass
 
+from identnl_ros.core.measurement.blocks import LARGEST_READING
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.quality.condition import Condition, EXCLUDING
 from identnl_ros.core.quality.held_values import HeldValues
@@ -112,7 +113,7 @@ class JudgedRun:
 
         """
         first = self._base + len(self._raw)
-        invalid = ~np.isfinite(samples)
+        invalid = ~(np.abs(samples) <= LARGEST_READING)
         flags = np.zeros(samples.shape, dtype=np.uint16)
         flags[invalid] = Condition.MISSING
         beyond = self._beyond_full_scale(first, samples)

@@ -80,8 +80,9 @@ class QualitySummary:
         Judged.
     channels : tuple of ChannelQuality
         In the order of the layout.
-    lost_samples, repeated_blocks, foreign_blocks : int
-        Missing between blocks; blocks that came again or late, or from a second source.
+    lost_samples, repeated_blocks, foreign_blocks, blocks_after_end : int
+        Missing between blocks; blocks that came again or late, or from a second source; of the
+        former, those that are new but come after the one that ends the stream.
     findings : tuple of Finding
         All faults so far, one for every channel and condition.
 
@@ -92,6 +93,7 @@ class QualitySummary:
     lost_samples: int
     repeated_blocks: int
     foreign_blocks: int
+    blocks_after_end: int
     findings: tuple[Finding, ...]
 
 
@@ -260,6 +262,7 @@ class QualityMonitor:
             lost_samples=self.follower.lost_samples,
             repeated_blocks=self.follower.repeated_blocks,
             foreign_blocks=self.follower.foreign_blocks,
+            blocks_after_end=self.follower.blocks_after_end,
             findings=(*self._record.findings(), *self._inconsistencies.values()),
         )
 

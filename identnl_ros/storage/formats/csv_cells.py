@@ -52,10 +52,17 @@ def is_number(cell: str) -> bool:
 
     """
     try:
-        float(cell)
+        _value(cell)
     except ValueError:
         return not cell.strip()
     return True
+
+
+def _value(cell: str) -> float:
+    # Python takes 1_0 for ten, which no program writes.
+    if '_' in cell:
+        raise ValueError('an underscore is no part of a number')
+    return float(cell)
 
 
 class RowReader:
@@ -126,8 +133,8 @@ class RowReader:
         picked = self._pick(cells)
         try:
             if self._is_simple:
-                return list(map(float, picked))
-            row = list(map(float, self._pointed(picked)))
+                return list(map(_value, picked))
+            row = list(map(_value, self._pointed(picked)))
         except ValueError:
             row = [self._number(cell, line) for cell in picked]
         for place, column, origin in self._dated:
@@ -159,7 +166,7 @@ class RowReader:
                     f'it have {_NAMES[self._mark]}; write all numbers of the file alike'
                 )
         try:
-            return float(text.replace(',', '.') if mark == COMMA else text)
+            return _value(text.replace(',', '.') if mark == COMMA else text)
         except ValueError:
             hint = ''
             if ',' in text:

@@ -74,6 +74,8 @@ class CsvTable(Table):
     """
 
     row_name = 'line'
+    # What remains of a name without its unit.
+    aliases_are_names = True
 
     def __init__(self, path: Path, wanted: Collection[str] = ()) -> None:
         """Read the names of the columns."""
@@ -149,7 +151,8 @@ class CsvTable(Table):
                     first = number
                 try:
                     # What most files need, as fast as it gets.
-                    row = list(map(float, pick(cells))) if is_plain else read_row(cells, number)
+                    plain = is_plain and '_' not in line
+                    row = list(map(float, pick(cells))) if plain else read_row(cells, number)
                 except ValueError:
                     row = read_row(cells, number)
                 values.append(row)

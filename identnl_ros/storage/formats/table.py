@@ -138,6 +138,8 @@ class Table(ABC):
     row_name = 'row'
     tells_instants = False
     """The format itself says at which instants all columns were recorded."""
+    aliases_are_names = False
+    """An alias is as good as a name, and not to be found beside one."""
 
     def __init__(self, path: Path) -> None:
         """Check that there is a file."""
@@ -210,9 +212,9 @@ class Table(ABC):
 
         """
         names = [column.name for column in self.columns]
-        found = [i for i, one in enumerate(names) if one == name and name] or [
-            i for i, column in enumerate(self.columns) if name in column.aliases
-        ]
+        exact = [i for i, one in enumerate(names) if one == name and name]
+        aliased = [i for i, column in enumerate(self.columns) if name in column.aliases]
+        found = exact + aliased if self.aliases_are_names else exact or aliased
         if len(found) == 1:
             return found[0]
         if found:

@@ -12,7 +12,7 @@ from identnl_ros.core.estimation.estimate import (
     EstimateStatus,
     ParameterEstimate,
 )
-from identnl_ros.core.measurement.blocks import MotionBlock, SampleBlock
+from identnl_ros.core.measurement.blocks import LARGEST_INDEX, MotionBlock, SampleBlock
 import numpy as np
 import pytest
 
@@ -50,7 +50,7 @@ def sample_block(random, channels=7, samples=13):
     return SampleBlock(
         stream_id=int(random.integers(2**64, dtype=np.uint64)),
         stamp_ns=int(random.integers(2**60)),
-        first_index=int(random.integers(2**63)),
+        first_index=int(random.integers(LARGEST_INDEX)),
         sample_rate=float(random.uniform(1, 1e6)),
         samples=numbers(random, samples, channels),
         channel_status=random.integers(0, 4, channels).astype(np.uint8),
@@ -68,7 +68,7 @@ def motion_block(random, coordinates=5, samples=11):
     return MotionBlock(
         stream_id=int(random.integers(2**64, dtype=np.uint64)),
         stamp_ns=int(random.integers(2**60)),
-        first_index=int(random.integers(2**63)),
+        first_index=int(random.integers(LARGEST_INDEX)),
         sample_rate=float(random.uniform(1, 1e6)),
         coordinates=tuple(f'body.translation_{i}' for i in range(coordinates)),
         **tables,

@@ -18,6 +18,7 @@ UNITS = {
     'sample_rate': 'Hz',
     'duration': 's',
     'delay': 's',
+    'remaining_delays': 's',
     'standard_deviation': 's',
 }
 

@@ -19,6 +19,7 @@ UNITS = {
     'sample_rate': 'Hz',
     'duration': 's',
     'delay': 's',
+    'remaining_delays': 's',
     'standard_deviation': 's',
 }
 

@@ -221,7 +221,8 @@ def _told(
             'table': str(path),
             'name': one.name,
             'sample_rate': rate,
-            'aligned': one.aligned,
+            'aligned': one.aligned
+            and (one.by_motion or one.deviation <= 0.5 / imported.sample_rate),
             'offset': one.offset,
             'skew': one.skew,
             'remaining': one.deviation,

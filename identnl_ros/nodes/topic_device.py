@@ -29,6 +29,8 @@ WAIT = 5.0  # [s] for a publisher and the messages that tell the rate
 COLLECTION_TIME = 0.02  # [s]; messages of this time are delivered together
 DEPTH = 5000
 MESSAGES_FOR_RATE = 50
+# A rate that is given may differ by so much from that of the messages, by few of them [-].
+RATE_TOLERANCE = 0.05
 GRAPH_INTERVAL = 0.2  # [s]
 _numbers = itertools.count()
 
@@ -95,6 +97,8 @@ class TopicDevice:
         self._messages: queue.SimpleQueue[_Message] = queue.SimpleQueue()
         self._ready: deque[DeviceBlock] = deque()
         self._published = self._looked = 0.0
+        self._given = rate > 0
+        self._times: list[int] | None = None
 
     @property
     def name(self) -> str:
@@ -153,6 +157,7 @@ class TopicDevice:
             )
         if self._rate <= 0:
             self._rate = _rate([self._time_of(one) for one in first], self._is_stamped)
+        self._times = [] if self._given else None
         self._clock = TopicClock(self._rate, self._is_stamped)
         self._published = time.monotonic()
         self._ready.extend(self._blocks(first))
@@ -232,6 +237,7 @@ class TopicDevice:
 
     def _blocks(self, messages: list[_Message]) -> list[DeviceBlock]:
         """Join messages without gap."""
+        self._compare_rate(messages)
         found: list[tuple[Numbered, list[Any]]] = []
         for message in messages:
             at = self._clock.number(self._time_of(message))
@@ -245,6 +251,22 @@ class TopicDevice:
             DeviceBlock(at.index, at.stamp_ns, np.array(values, dtype=float).reshape(-1, width))
             for at, values in found
         ]
+
+    def _compare_rate(self, messages: list[_Message]) -> None:
+        """Tell once if the first messages do not come at the rate that was given."""
+        if self._times is None:
+            return
+        self._times += [self._time_of(one) for one in messages]
+        if len(self._times) < MESSAGES_FOR_RATE:
+            return
+        times, self._times = self._times, None
+        with contextlib.suppress(DataError):  # stamps that tell none
+            told = _rate(times, self._is_stamped)
+            if abs(told / self._rate - 1) > RATE_TOLERANCE:
+                self._node.get_logger().warning(
+                    f'{self._topic}: publishes {told:.4g} Hz, topics.rate says {self._rate:g}; '
+                    'correct it (0: measured)'
+                )
 
     def _look_for_publisher(self) -> None:
         now = time.monotonic()

@@ -8,6 +8,7 @@ from identnl_ros.core.measurement.blocks import SampleBlock
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.quality.condition import Finding
 from identnl_ros.core.quality.monitor import monitored, QualityMonitor, QualitySummary
+from identnl_ros.core.quality.stamp_check import StampCheck
 from identnl_ros.storage.bag_reader import Bag
 from identnl_ros.storage.stand_description import StandDescription
 
@@ -40,13 +41,15 @@ class JudgedStream:
         self._monitor = QualityMonitor(stream.layout, stream.sample_rate, model)
         self._kept: list[SampleBlock] | None = []
         readings = 0
-        for block in monitored(bag.blocks(stream.stream_id), self._monitor):
+        stamps = StampCheck(stream.sample_rate)
+        for block in monitored(stamps.watched(bag.blocks(stream.stream_id)), self._monitor):
             readings += block.samples.size
             if readings > MOST_READINGS:
                 self._kept = None
             if self._kept is not None:
                 self._kept.append(block)
         self.summary: QualitySummary = self._monitor.summary()
+        self.stamps = stamps.findings()
 
     def contradictions(self, without: Collection[str] = ()) -> tuple[Finding, ...]:
         """

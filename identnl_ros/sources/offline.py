@@ -23,9 +23,11 @@ from identnl_ros.core.measurement.transform import channels_of, MotionTransform
 from identnl_ros.core.mechanics.assembly import assemble
 from identnl_ros.core.mechanics.machine import Machine
 from identnl_ros.core.mechanics.model import Model
+from identnl_ros.sources.alignment_doubt import alignment_doubts
 from identnl_ros.sources.judged_stream import JudgedStream
 from identnl_ros.sources.losses import Losses
 from identnl_ros.sources.usable_pieces import UsablePieces
+from identnl_ros.storage.alignment_record import read_alignment
 from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.machine_file import load_machine, read_machine
 from identnl_ros.storage.stand_description import StandDescription
@@ -140,9 +142,22 @@ def identify_bags(
         estimate = _streamed(bags, model, estimator, without, losses)
     voted_out = [_voted_out(*one) for one in losses.voted_out.items()]
     estimate = estimate.noted((*voted_out, *force_scale_remarks(model)))
+    if not any(label.endswith('.delay') for label in sensor_unknowns):
+        estimate = estimate.doubted(_alignment_doubts(bags, model, estimate, losses))
     for bag in bags:
         losses.problems += bag.problems
     return BagIdentification(model.machine, estimate, losses)
+
+
+def _alignment_doubts(
+    bags: Sequence[Bag], model: Model, estimate: Estimate, losses: Losses
+) -> list[str]:
+    sentences: list[str] = []
+    for bag in bags:
+        sources, problem = read_alignment(bag)
+        losses.problems += [problem] if problem else []
+        sentences += alignment_doubts(sources, model, estimate)
+    return sentences
 
 
 def _streamed(
@@ -151,6 +166,7 @@ def _streamed(
     identifier = identifier_for(model, estimator)
     pieces = UsablePieces()
     contradictions: list[str] = []
+    skews: list[float] = []
     for bag in bags:
         for stream in bag.streams:
             with _fitting(bag, model):
@@ -166,6 +182,8 @@ def _streamed(
                     pieces.add(motion)
             identifier.end_stream()
             losses.add(judged.summary, unused)
+            losses.problems += judged.stamps.problems
+            skews.append(judged.stamps.skew)
             losses.degradation += transform.degradation
             contradictions += [one.sentence for one in judged.contradictions(unused)]
     if identifier.samples + identifier.rejected == 0:
@@ -173,7 +191,8 @@ def _streamed(
             f'{bags[0].path}: the bag is too short; no sample has the neighbours that its '
             f'derivatives need{_damage(bags)}'
         )
-    estimate = identifier.estimate().doubted(contradictions)
+    estimate = identifier.estimate()
+    estimate = estimate.doubted([*contradictions, *_rate_doubts(estimate, skews)])
     return estimate.noted(pieces.remarks(estimate))
 
 
@@ -189,10 +208,11 @@ def _likelihood(
         for label in sensor_unknowns
     )
     contradictions: list[str] = []
+    skews: list[float] = []
     records = [
         record
         for bag in bags
-        for record in _records(bag, model, without, losses, contradictions, bool(unknowns))
+        for record in _records(bag, model, without, losses, contradictions, skews, bool(unknowns))
     ]
     if not records:
         raise DataError(
@@ -202,7 +222,8 @@ def _likelihood(
     losses.doing(f'fitting {len(model.estimated) + len(unknowns)} parameters to all records')
     with _fitting(bags[0], model):
         estimate = likelihood_estimate(model, records, unknowns)
-    return estimate if unknowns else estimate.doubted(contradictions)
+    estimate = estimate if unknowns else estimate.doubted(contradictions)
+    return estimate.doubted(_rate_doubts(estimate, skews))
 
 
 def _records(
@@ -211,6 +232,7 @@ def _records(
     without: Collection[str],
     losses: Losses,
     contradictions: list[str],
+    skews: list[float],
     unknowns: bool,
 ) -> Iterator[MeasuredRecord]:
     """Cut a bag at its gaps, and where the force is missing."""
@@ -245,6 +267,8 @@ def _records(
         if parts:
             runs.append(np.concatenate(parts))
         losses.add(judged.summary, unused)
+        losses.problems += judged.stamps.problems
+        skews.append(judged.stamps.skew)
         contradictions += [one.sentence for one in judged.contradictions(unused)]
         forces = list(layout.of_kind(SensorKind.FORCE))
         for begin, run in zip(begins, runs, strict=True):
@@ -253,6 +277,20 @@ def _records(
                 if end - first - 1 >= SHORTEST_RUN:
                     part = run[first + 1 : end]
                     yield MeasuredRecord(layout, stream.sample_rate, part, begin + first + 1)
+
+
+def _rate_doubts(estimate: Estimate, skews: Sequence[float]) -> list[str]:
+    """Doubt what a sample rate that the stamps deny changes by more than its interval."""
+    # Masses and stiffnesses go with its square.
+    share = 2 * max((abs(one) for one in skews), default=0.0)
+    known = [one for one in estimate.parameters if np.isfinite(one.value) and one.value]
+    narrow = [one.name for one in known if one.upper - one.lower < 2 * share * abs(one.value)]
+    if not narrow:
+        return []
+    return [
+        f'The stamps deny the sample rate; that changes {", ".join(narrow)} by up to '
+        f'{100 * share:.2g} %, more than the intervals.'
+    ]
 
 
 def _unused(

@@ -19,9 +19,11 @@ from identnl_ros.core.mechanics.modes import modes
 from identnl_ros.core.quality.common_faults import fault_of, told_once
 from identnl_ros.core.quality.condition import Condition, EXCLUDING, Finding
 from identnl_ros.core.quality.monitor import monitored, QualityMonitor, QualitySummary
+from identnl_ros.core.quality.stamp_check import StampCheck
 from identnl_ros.sources.delay_check import check_delays
 from identnl_ros.sources.losses import AFTER_END
-from identnl_ros.storage.bag_reader import open_bag
+from identnl_ros.storage.alignment_record import read_alignment
+from identnl_ros.storage.bag_reader import Bag, open_bag
 from identnl_ros.storage.layout_file import load_layout
 from identnl_ros.storage.machine_file import load_machine, read_machine
 from identnl_ros.storage.stand_description import StandDescription
@@ -171,7 +173,10 @@ def check_bag(path: Path, machine_path: Path | None, delays: bool = False) -> Fi
             elif stream.machine_text:
                 machine = read_machine(stream.machine_text, f'machine file in {path}')
             model = None if machine is None else assemble(machine)
-            summary = _judged(bag.blocks(stream.stream_id), stream, model)
+            stamps = StampCheck(stream.sample_rate)
+            blocks = stamps.watched(bag.blocks(stream.stream_id))
+            summary = _judged(blocks, stream, model)
+            findings.problems.extend(stamps.findings().problems)
             samples, lost = summary.samples, summary.lost_samples
             facts |= {
                 'stream_id': stream.stream_id,
@@ -198,10 +203,26 @@ def check_bag(path: Path, machine_path: Path | None, delays: bool = False) -> Fi
                 findings.remarks.extend(_heavy_front_masses(machine, stream.layout))
             if delays and model is not None and stream is bag.streams[0]:
                 facts['delays'] = _delays(path, model, findings)
+        _tell_alignment(bag, findings)
         findings.problems.extend(bag.problems)
     except IdentnlError as error:
         findings.problems.append(str(error))
     return findings
+
+
+def _tell_alignment(bag: Bag, findings: Findings) -> None:
+    """Tell what delays between the sources of a bag remain, as far as it says so."""
+    sources, problem = read_alignment(bag)
+    if problem:
+        findings.problems.append(problem)
+    if sources:
+        findings.facts['remaining_delays'] = {one.name: one.deviation for one in sources}
+    for one in sources:
+        if not one.by_motion and one.deviation > 0.5 / bag.description.sample_rate:
+            findings.remarks.append(
+                f'{one.name}: is not aligned, a delay with a standard deviation of '
+                f'{one.deviation * 1e6:.3g} us against the other files of the run remains'
+            )
 
 
 def _delays(path: Path, model: Model, findings: Findings) -> dict[str, Any]:

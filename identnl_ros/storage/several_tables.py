@@ -16,6 +16,7 @@ from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.synchronisation.source_alignment import SourceAlignment
 from identnl_ros.core.synchronisation.stream_alignment import AlignedSamples, StreamAlignment
 from identnl_ros.core.synchronisation.stream_source import StreamSource
+from identnl_ros.storage.alignment_record import AlignedSource, write_alignment
 from identnl_ros.storage.bag_writer import BagWriter
 from identnl_ros.storage.formats.formats import open_table
 from identnl_ros.storage.formats.table import Progress, Table
@@ -172,7 +173,7 @@ def import_tables(
             layout_text=layout_text,
             stamp_ns=max(0, first.stamp_ns),
         )
-        count, end = _written(bag_path, description, first, aligned)
+        count, end = _written(bag_path, description, first, aligned, alignment)
     return ImportedTables(
         count,
         end - count,
@@ -202,6 +203,7 @@ def _written(
     description: StandDescription,
     first: AlignedSamples,
     aligned: Iterator[AlignedSamples],
+    alignment: StreamAlignment,
 ) -> tuple[int, int]:
     """Write the bag; count samples, and what the grid had."""
     size = samples_per_block(description.sample_rate)
@@ -218,6 +220,13 @@ def _written(
                 writer.write_block(block)
                 count, end = count + len(samples), block.next_index
             part = following
+        write_alignment(
+            writer,
+            [
+                AlignedSource(one.name, one.channels, one.deviation, one.by_motion)
+                for one in alignment.state
+            ],
+        )
     return count, end
 
 

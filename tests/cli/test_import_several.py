@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of one run, recorded with clocks of their own, become one bag on one time."""
 
+from dataclasses import replace
+
 from identnl_ros.storage.bag_reader import open_bag
+from identnl_ros.storage.bag_writer import BagWriter
 from nptdms import ChannelObject, TdmsWriter
 import numpy as np
 import pytest
@@ -148,6 +151,107 @@ def test_a_maximum_far_from_what_is_known_is_refused(identnl, run, config, tmp_p
     machine = ('--machine', config / 'oscillator.yaml')
     said = refused(identnl, tmp_path, probes, others, '--layout', layout, *machine, *known)
     assert 'others: its motion does not fit' in said
+
+
+MACHINE = """
+machine: table
+bodies:
+  table: {mass: 50 kg, centre_of_mass: [0, 0, 0], degrees_of_freedom: [translation_1]}
+joints:
+  spring:
+    kind: six_spring
+    body: table
+    to: ground
+    point: [0, 0, 0]
+    stiffness: [{estimate: 1e7 N/m}]
+    damping: [{estimate: 1e3 N*s/m}]
+excitations:
+  shaker: {body: table, point: [0, 0, 0], direction: +x, amplitude: 50 N,
+           frequency: 60 Hz, band: [10 Hz, 300 Hz]}
+"""
+SENSORS = """
+sample_rate: 5 kHz
+sensors:
+  force: {kind: force, excitation: shaker, noise: 0.02 N}
+  probe: {kind: displacement, body: table, point: [0, 0, 0], direction: +x, noise: 10 nm}
+  one: {kind: acceleration, body: table, point: [0, 0, 0], direction: +x, noise: 0.01}
+  two: {kind: acceleration, body: table, point: [0, 0, 0], direction: +x, noise: 0.01}
+"""
+
+
+@pytest.fixture
+def divided(identnl, tmp_path):
+    """Simulate a run and divide its channels among two files; the second one is late."""
+    (tmp_path / 'machine.yaml').write_text(MACHINE)
+    (tmp_path / 'layout.yaml').write_text(SENSORS)
+    files = ('--machine', tmp_path / 'machine.yaml', '--layout', tmp_path / 'layout.yaml')
+    whole = tmp_path / 'whole.mcap'
+    result = identnl(
+        'simulate', *files, '--rate', 5000, '--duration', 3, '--seed', 1, '--out', whole
+    )
+    assert result.exit_code == 0, result.stderr
+    blocks = open_bag(whole).blocks()
+    samples = np.concatenate([block.samples for block in blocks])
+    names = ('force', 'probe', 'one', 'two')
+
+    def divide(columns, late):
+        rest = [i for i in range(4) if i not in columns]
+        time = np.arange(len(samples)) / 5000
+        first = write(
+            tmp_path / 'first.csv', ('time', *(names[i] for i in rest)), time, samples[:, rest]
+        )
+        rows = slice(late, None)  # samples that were taken so much later than they say
+        second = write(
+            tmp_path / 'second.csv', ('time', *(names[i] for i in columns)),
+            time[: len(samples) - late], samples[rows][:, columns],
+        )  # fmt: skip
+        return (first, second, *files, '--same-start', '--out', tmp_path / 'run.mcap')
+
+    return divide
+
+
+def test_a_force_that_nothing_aligns_puts_the_estimates_in_doubt(
+    identnl, document, divided, tmp_path
+):
+    found = document('import', *divided([0], 1))
+    first, second = found['sources']
+    assert (first['aligned'], second['aligned']) == (True, False)
+    assert second['remaining'] == pytest.approx(np.hypot(5e-3, 5e-3), rel=0.1)
+    (warning,) = found['warnings']
+    assert 'It has no motion sensor' in warning
+    # 0.2 ms of 7: 2 pi f tau / (2 zeta), with f = 71 Hz and zeta = 2.2 %, doubles the damping.
+    estimate = document('identify', tmp_path / 'run.mcap')
+    assert {one['status'] for one in estimate['parameters']} == {'model_in_doubt'}
+    (told,) = [note for note in estimate['notes'] if note.startswith('second: ')]
+    assert 'may remain (force); it changes the damping of the mode at 71' in told
+    checked = document('check', tmp_path / 'run.mcap')['files'][0]
+    assert checked['remaining_delays']['second'] == second['remaining']
+    assert any('second: is not aligned' in one for one in checked['remarks'])
+
+
+def test_what_the_motion_aligned_is_not_in_doubt(document, divided, tmp_path):
+    found = document('import', *divided([3], 1))
+    assert [one['aligned'] for one in found['sources']] == [True, True]
+    assert found['sources'][1]['offset'] == pytest.approx(-1 / 5000, abs=5e-6)
+    estimate = document('identify', tmp_path / 'run.mcap')
+    assert not any('may remain' in note for note in estimate['notes'])
+    assert {one['status'] for one in estimate['parameters']} == {'ok'}
+
+
+def test_a_sample_rate_that_the_stamps_deny_puts_the_estimates_in_doubt(
+    identnl, document, divided, tmp_path
+):
+    divided([0], 0)
+    bag = open_bag(tmp_path / 'whole.mcap')
+    with BagWriter(tmp_path / 'stamped.mcap') as writer:
+        writer.write_description(bag.description)
+        for block in bag.blocks():
+            writer.write_block(replace(block, stamp_ns=round(1.001 * block.stamp_ns)))
+    estimate = document('identify', tmp_path / 'stamped.mcap')
+    assert {one['status'] for one in estimate['parameters']} == {'model_in_doubt'}
+    assert any('come at 4995 Hz' in one for one in estimate['problems'])
+    assert any('stamps deny the sample rate' in one for one in estimate['notes'])
+    assert identnl('check', tmp_path / 'stamped.mcap').exit_code == 1
 
 
 def test_columns_are_found_across_files_or_that_is_told(identnl, run, tmp_path):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Blocks of several sources become one stream, for as long as they come and whatever happens."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 from identnl_ros.core.errors import DataError
@@ -387,3 +388,35 @@ def test_a_source_that_saw_another_motion_is_aligned_by_its_stamps_and_that_is_t
     assert state.aligned
     assert state.contradiction
     assert state.deviation > 1e-4  # what the latency of stamps leaves
+
+
+def test_a_source_whose_clock_is_behind_is_told_from_one_that_is_silent():
+    probe, other = pair(8.0)
+    arriving = zip(probe.blocks, other.blocks, strict=True)
+    alignment = StreamAlignment(LAYOUT, [probe.source, other.source], 2000.0, MODEL)
+    for own, (first, stamp, samples) in arriving:
+        alignment.add(0, *own)
+        alignment.add(1, first, stamp - 10**9, samples)
+        alignment.take()
+    told = alignment.remarks()
+    assert not any('no samples' in one for one in told)
+    (behind,) = [one for one in told if 'behind' in one]
+    assert behind.startswith('accelerometers: sends samples, but its stamps are 1')
+    assert 's behind those of probes' in behind
+    assert 'Set its clock' in behind
+
+
+def test_a_rate_that_is_not_that_of_the_stamps_is_told():
+    probe, other = pair(8.0)
+    stated = replace(other.source, sample_rate=5000.0)
+    alignment = StreamAlignment(LAYOUT, [probe.source, stated], 2000.0, MODEL)
+    for own, block in zip(probe.blocks, other.blocks, strict=True):
+        alignment.add(0, *own)
+        alignment.add(1, *block)
+        alignment.take()
+    told = alignment.remarks()
+    assert any(
+        'accelerometers: samples at 2000 Hz by its stamps, its rate is stated as 5000 Hz' in one
+        for one in told
+    )
+    assert not any('jump' in one for one in told)

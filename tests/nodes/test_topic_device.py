@@ -241,3 +241,19 @@ def test_clock_follows_a_rate_beside_the_nominal_one(deviation):
     assert [one.index for one in numbered] == list(range(5000))
     error = np.array([one.stamp_ns - BEGIN for one in numbered[500:]]) - times[500:]
     assert np.abs(error).max() < 0.3e6
+
+
+def test_a_rate_that_the_messages_deny_is_told(publish, device_of, capfd):
+    publish(AccelStamped, '/cell', lambda i: stamped(AccelStamped(), i), range(10**6))
+    device = device_of(['/cell'], rate=1250.0)
+    device.open()
+    read(device, 60)
+    assert '/cell: publishes 500 Hz, topics.rate says 1250' in capfd.readouterr().err
+
+
+def test_a_rate_that_is_right_is_not_told(publish, device_of, capfd):
+    publish(AccelStamped, '/cell', lambda i: stamped(AccelStamped(), i), range(10**6))
+    device = device_of(['/cell'], rate=RATE)
+    device.open()
+    read(device, 60)
+    assert 'topics.rate' not in capfd.readouterr().err

@@ -14,6 +14,8 @@ from identnl_ros.core.synchronisation.source_stream import LONGEST_BUFFER, Sourc
 LOOKAHEAD = 0.1
 # At the begin, a source that has not sent anything is waited for [s].
 PATIENCE = 5.0
+# No clock is so wrong, but what was stated of it [-].
+WRONG_RATE = 0.01
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,14 @@ def common_begin(
         one.clock.feed(None if final else place)
     for one in present:
         if one.clock.step():
-            remark(f'{one.source.name}: its stamps jump; waiting anew')
+            told = one.clock.told_rate
+            if abs(told / one.rate - 1) > WRONG_RATE:
+                remark(
+                    f'{one.source.name}: samples at {told:.4g} Hz by its stamps, its rate is '
+                    f'stated as {one.rate:g} Hz; correct that. Waiting anew'
+                )
+            else:
+                remark(f'{one.source.name}: its stamps jump; waiting anew')
             one.restart(one.end)
             return None
     end_ns = min(one.clock.host_time(one.end) for one in present)

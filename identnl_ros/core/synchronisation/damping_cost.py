@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 # A relative error of damping that is worth a word [-].
 TOLERABLE_COST = 0.01
+MORE_MOTION = 'Measure longer, or with more motion or less noise'
 
 
 def damping_cost(
@@ -50,6 +51,7 @@ def delay_warning(
     frequencies: NDArray[np.float64],
     damping_ratios: NDArray[np.float64],
     tolerable: float = TOLERABLE_COST,
+    advice: str = MORE_MOTION,
 ) -> str | None:
     """
     Say by how much damping suffers from a delay that may remain.
@@ -64,6 +66,8 @@ def delay_warning(
         Of the machine's modes [Hz, -].
     tolerable : float
         Relative error of damping below which nothing is said [-].
+    advice : str
+        What to do, a sentence without its full stop.
 
     Returns
     -------
@@ -80,8 +84,7 @@ def delay_warning(
     if change is None:
         return None
     return (
-        f'{name}: a delay of {readable(abs(delay), "s")} may remain; it changes {change}. Measure '
-        'longer, or with more motion or less noise'
+        f'{name}: a delay of {readable(abs(delay), "s")} may remain; it changes {change}. {advice}'
     )
 
 

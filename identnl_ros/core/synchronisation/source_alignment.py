@@ -10,8 +10,9 @@ from identnl_ros.core.measurement.blocks import NANOSECONDS
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.readable import readable
+from identnl_ros.core.simulation.stand import MOTION_KINDS
 from identnl_ros.core.synchronisation.alignment import ENOUGH, MOST_ROUNDS, SEARCH
-from identnl_ros.core.synchronisation.damping_cost import damped_modes, delay_warning
+from identnl_ros.core.synchronisation.damping_cost import damped_modes, delay_warning, MORE_MOTION
 from identnl_ros.core.synchronisation.delay_tracking import DELAY, DelayTracker, SKEW
 from identnl_ros.core.synchronisation.grid_line import Line
 from identnl_ros.core.synchronisation.misfit import MOST_UNEXPLAINED
@@ -32,6 +33,8 @@ WINDOW = 8192
 # Delay and skew of a file that are farther from what is known before, in standard deviations,
 # are another maximum of the correlation: by chance once in 3e5 files.
 FARTHEST = 5.0
+# Motion tells a delay if it leaves so much of the standard deviation from before.
+TOLD = 0.5
 # Stamps of a host are no better than this [s].
 LEAST_JITTER = 1e-7
 
@@ -44,6 +47,8 @@ class SourceAlignment:
     Parameters
     ----------
     name : str
+    channels : tuple of str
+        Names of the sensors.
     aligned : bool
         False: it has no readings on the grid.
     offset : float
@@ -52,6 +57,9 @@ class SourceAlignment:
         Of its clock against that of the reference; positive: it is slow [-].
     deviation : float
         Standard deviation of the delay that remains until the next look at the motion [s].
+    by_motion : bool
+        The motion tells the delay: what remains of it is less than noise adds to estimates.
+        Else stamps, or the stated begin, decide alone.
     contradiction : str
         In what its motion does not fit that of the others, a sentence; empty: it does, or there
         is none.
@@ -59,10 +67,12 @@ class SourceAlignment:
     """
 
     name: str
+    channels: tuple[str, ...]
     aligned: bool
     offset: float
     skew: float
     deviation: float
+    by_motion: bool = False
     contradiction: str = ''
 
 
@@ -99,6 +109,7 @@ class SourceAligner:
         self._offsets = np.zeros(len(streams))
         self._stamps: list[list[tuple[int, int]]] = [[] for _ in streams]
         self._warned = [False] * len(streams)
+        self._by_motion = [False] * len(streams)
         self._contradictions = [''] * len(streams)
         self._modes = damped_modes(model)
 
@@ -118,10 +129,12 @@ class SourceAligner:
             result.append(
                 SourceAlignment(
                     one.source.name,
+                    one.source.channels,
                     one.line is not None and not one.silent,
                     float(self._offsets[number]),
                     skew,
                     self._tracker.deviation(number, UPDATE),
+                    self._by_motion[number],
                     self._contradictions[number],
                 )
             )
@@ -198,6 +211,7 @@ class SourceAligner:
         self._tracker.begin(number, spread, latency)
         self._stamps[number].clear()
         self._offsets[number] = 0.0
+        self._by_motion[number] = False
         others = [each for each in self._streams if each.line is not None and not each.silent]
         one.line = own
         if self._model is not None and others:
@@ -254,6 +268,7 @@ class SourceAligner:
             return
         self._contradict([number])
         told = found.covariance[np.ix_([1, 3], [1, 3])]
+        self._by_motion[number] = bool(told[0, 0] < TOLD**2 * covariance[0, 0])
         self._tracker.add_motion([number], total, told, age)
         delay = float(total[0] + total[1] * age)
         self._tracker.corrected(number, delay, float(total[1]))
@@ -379,6 +394,9 @@ class SourceAligner:
             return
         self._contradict(members)
         count = len(groups)
+        for i, number in enumerate(members):
+            told = found.covariance[i + 1, i + 1] < TOLD**2 * prior[1][2 * i, 2 * i]
+            self._by_motion[number] |= bool(told)
         order = [place for i in range(1, count) for place in (i, count + i)]
         mean = np.concatenate((found.delays, found.skews))[order]
         self._tracker.add_motion(members, mean, found.covariance[np.ix_(order, order)], age)
@@ -388,6 +406,7 @@ class SourceAligner:
         for number in members:
             name, known = self._streams[number].source.name, self._contradictions[number]
             self._contradictions[number] = sentence
+            self._by_motion[number] &= not sentence
             if sentence and not known:
                 self._remark(
                     f'{name}: {sentence}; it is aligned by its stamps alone. Check that they are '
@@ -428,13 +447,23 @@ class SourceAligner:
         if others:
             self._tracker.refer_to(min(others, key=lambda number: self._streams[number].silent))
 
+    def _advice(self, number: int) -> str:
+        """Say what would make a source known better."""
+        own = self._streams[number].places
+        if any(self._layout.sensors[place].kind in MOTION_KINDS for place in own):
+            return MORE_MOTION
+        return (
+            'It has no motion sensor that the others could be compared with: record one on this '
+            'device too, or let all devices run on one clock and state how exactly they begin'
+        )
+
     def _judge(self, number: int, joined: bool = False) -> None:
         """Say when damping suffers, and when it does not any more."""
         name, deviation = (
             self._streams[number].source.name,
             self._tracker.deviation(number, UPDATE),
         )
-        text = delay_warning(name, 1.96 * deviation, *self._modes)
+        text = delay_warning(name, 1.96 * deviation, *self._modes, advice=self._advice(number))
         if joined and self._model is None:
             self._remark(
                 f'{name}: aligned by its stamps alone; a delay remains, with a standard '

@@ -40,6 +40,8 @@ class SourceStream:
         self.line: Line | None = None
         """None: the source is not aligned (yet)."""
         self.silent = False
+        self.heard = 0.0
+        """Point of the grid that the farthest source had reached when this one last sent."""
         self.longest_block = 0.0
         """Of those that have come [s]."""
         self.later: list[Block] = []

@@ -16,6 +16,10 @@ from identnl_ros.core.synchronisation.stream_source import StreamSource
 import numpy as np
 from numpy.typing import NDArray
 
+# Stamps that tell the rate, and the fewest pairs of them that do.
+RECENT = 256
+FEWEST = 8
+
 
 class StampedClock:
     """
@@ -47,6 +51,7 @@ class StampedClock:
         self._fit = ClockFit(self._rate, CRYSTAL_TOLERANCE, CLOCK_WANDER)
         self._own: Clock | None = None
         self._fed: list[int] = []
+        self._recent: deque[tuple[int, int]] = deque(maxlen=RECENT)
         self._first = 0, 0
         self._steps = 0
         self.stamps = deque(
@@ -77,6 +82,7 @@ class StampedClock:
             if before_ns is not None and self.stamps[0][1] >= before_ns:
                 break
             index, stamp = self.stamps.popleft()
+            self._recent.append((index, stamp))
             if not self._fed:
                 self._first = index, stamp
             self._fed = [*self._fed[:1], index]
@@ -103,6 +109,17 @@ class StampedClock:
         found = self._fit.steps[self._steps :]
         self._steps = len(self._fit.steps)
         return found[-1] if found else None
+
+    @property
+    def told_rate(self) -> float:
+        """The sample rate by the newest stamps, jumps of single ones aside [Hz]; NaN: unknown."""
+        half = len(self._recent) // 2
+        if half < FEWEST:
+            return float('nan')
+        index, stamps = np.array(self._recent, dtype=np.int64).T
+        passed = (stamps[half : 2 * half] - stamps[:half]) / NANOSECONDS
+        counted = index[half : 2 * half] - index[:half]
+        return float(1 / np.median(passed / counted)) if np.median(passed) > 0 else float('nan')
 
     @property
     def placeable(self) -> bool:

@@ -177,6 +177,7 @@ class StreamAlignment:
                 f'source {stream.source.name}: samples have the shape {samples.shape}, expected '
                 f'one column for each of its {len(stream.places)} channels'
             )
+        stream.heard = self._farthest()[1]
         if len(samples) and not stream.add(first_index, stamp_ns, samples):
             self._remarks.append(
                 f'{stream.source.name}: began anew with sample {first_index}; it is aligned anew'
@@ -276,7 +277,9 @@ class StreamAlignment:
         self._interval = points / self._rate + self._settling
         for one in present[1:]:
             self._aligner.join(one, 0, (0, points))
+        reach = self._farthest()[1]
         for one in self._streams:
+            one.heard = reach
             one.silent = one not in present
             if one.silent:
                 self._remarks.append(f'{one.source.name}: has sent nothing; going on without it')
@@ -395,16 +398,42 @@ class StreamAlignment:
         if final:
             return
         silent = one.line.point_of(one.end) <= begin
-        if silent and not one.silent and not one.later:
-            self._remarks.append(
-                f'{one.source.name}: no samples; its channels are without readings until it is '
-                'back'
-            )
-            self._aligner.hand_over(one)
+        number = self._streams.index(one)
+        if silent and not one.later:
+            behind = self._behind(one)
+            if behind and number not in self._ahead:
+                self._remarks.append(
+                    f'{one.source.name}: sends samples, but its stamps are {behind[1]:.2g} s '
+                    f'behind those of {behind[0]}; its channels are without readings. Set its '
+                    'clock'
+                )
+                self._ahead.add(number)
+            elif not behind and not one.silent:
+                self._remarks.append(
+                    f'{one.source.name}: no samples; its channels are without readings until it '
+                    'is back'
+                )
+            if not one.silent:
+                self._aligner.hand_over(one)
         if one.silent and not silent:
             self._remarks.append(GoodNews(f'{one.source.name}: is back'))
+            self._ahead.discard(number)
             self._look_soon(begin)
         one.silent = silent
+
+    def _behind(self, one: SourceStream) -> tuple[str, float] | None:
+        """Tell what a source that goes on sending is behind of, and by how much [s]."""
+        assert one.line is not None
+        first, reach = self._farthest()
+        heard = max(self._silence, 2 * one.longest_block) * self._rate
+        if first is None or first is one or reach - one.heard >= heard:
+            return None
+        return first.source.name, (reach - one.line.point_of(one.end)) / self._rate
+
+    def _farthest(self) -> tuple[SourceStream | None, float]:
+        """Find the source whose samples reach farthest, and the point up to which they do."""
+        reach = [(one, one.line.point_of(one.end)) for one in self._streams if one.line]
+        return max(reach, key=lambda each: each[1], default=(None, 0.0))
 
     def _look_soon(self, now: int) -> None:
         """Compare the motion as soon as there is enough of it since a source is back."""

@@ -46,7 +46,7 @@ SETTINGS = (
         'sample_rate',
         0.0,
         'Sample rate of the simulated stand, or common rate of several devices [Hz]; 0: that of '
-        'the layout file, or else 10 kHz, or that of the fastest device.',
+        'the layout file, or else 10 kHz, or that of the slowest device.',
         0.0,
         1e7,
     ),

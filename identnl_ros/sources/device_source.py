@@ -22,6 +22,8 @@ from identnl_ros.storage.stand_description import StandDescription
 import numpy as np
 
 LONGEST_CLOSING = 0.5  # [s] of all devices together
+# Rates that differ by less are the same one, by different crystals.
+ALIKE = 0.999
 
 
 class DeviceSource:
@@ -40,7 +42,8 @@ class DeviceSource:
         devices have one of the name.
     sample_rate : float or None
         Of the common clock of several devices [Hz]; None: that of the layout, or else that of
-        the fastest device. A single device keeps its own rate, which this must be, if given.
+        the slowest device, up to half of whose rate all channels have noise and motion. A single
+        device keeps its own rate, which this must be, if given.
     machine_text, layout_text : str
         Files that machine and layout come from, for the stream's description.
     model : Model or None
@@ -182,7 +185,15 @@ class DeviceSource:
         self._positions = {number: position for position, number in enumerate(used)}
         rates = [reader.sample_rate for reader in self._readers]
         if len(used) > 1:
-            rate = sample_rate or layout.sample_rate or max(rates)
+            rate = sample_rate or layout.sample_rate
+            if not rate:
+                slowest = min(self._readers, key=lambda one: one.sample_rate)
+                rate = slowest.sample_rate
+                if rate < ALIKE * max(rates):
+                    tell(
+                        f'the common clock has {rate:g} Hz, the rate of the slowest device '
+                        f'({slowest.name}); for another one, set sample_rate'
+                    )
             own_sensors = [sensors[i] for i in used]
             return rate, SeveralDevices(self._readers, own_sensors, layout, rate, model, tell)
         if sample_rate is not None and sample_rate != rates[0]:

@@ -2,7 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise found from the samples themselves, against noise of known size."""
 
-from identnl_ros.core.measurement.noise import NoiseEstimate
+from math import factorial
+
+from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
+from identnl_ros.core.measurement.noise import CORRELATION, NoiseEstimate
+from identnl_ros.core.synchronisation.resampling import Grid, resample
 import numpy as np
 import pytest
 
@@ -20,16 +24,53 @@ def test_white_noise_is_found_whatever_smooth_motion_it_rides_on(seed):
     sizes = np.array([1e-9, 1.0, 3e4])
     noise = np.random.default_rng(seed).standard_normal((count, 3)) * sizes
     wave = np.sin(2 * np.pi * 0.05 * np.arange(count))[:, np.newaxis] * 1e3 * sizes
-    # Differences share samples: about three independent ones for ten.
+    # Neighbouring values share samples.
     np.testing.assert_allclose(found(noise + wave + 7 * sizes), sizes, rtol=0.05)
 
 
-def test_motion_at_a_tenth_of_the_sample_rate_leaves_its_tenth_difference():
-    wave = np.sin(2 * np.pi * 0.1 * np.arange(5010))[:, np.newaxis]
-    # Gain of a difference: 2 sin(pi f); the sum of its squared weights is binom(20, 10).
-    expected = (2 * np.sin(0.1 * np.pi)) ** 10 / np.sqrt(184756) / np.sqrt(2)
+def test_motion_at_a_tenth_of_the_sample_rate_leaves_little():
+    wave = np.sin(2 * np.pi * 0.1 * np.arange(5016))[:, np.newaxis]
+    # Gains: of a difference 2 sin(pi f), of a sum 2 cos(pi f). Power that 14 and 2 of them make of
+    # white noise, from the mean of powers of sine and cosine (Euler's beta integral).
+    gain = (2 * np.sin(0.1 * np.pi)) ** 14 * (2 * np.cos(0.1 * np.pi)) ** 2
+    power = factorial(28) * factorial(4) / (factorial(14) * factorial(2) * factorial(16))
+    expected = gain / np.sqrt(power) / np.sqrt(2)
     assert found(wave)[0] == pytest.approx(expected, rel=1e-3)
-    assert expected < 2e-5
+    assert expected < 3e-6
+
+
+@pytest.mark.parametrize('apart', [0.0, 0.25, 0.5])
+def test_noise_that_was_interpolated_has_the_density_that_it_had(apart):
+    # Between two samples the interpolation takes away up to all of what lies above 0.94 of half
+    # the sample rate; below, the noise is what it was.
+    noise = np.random.default_rng(3).standard_normal((20200, 16))
+    between = resample(noise, Grid(100.0 + apart, 1.0), 20000)
+    size = np.sqrt(np.mean(found(between) ** 2))
+    # 320000 samples, worth a quarter.
+    assert size == pytest.approx(1.0, abs=4 * np.sqrt(CORRELATION / 2 / 320000))
+
+
+def test_the_estimate_varies_as_from_fewer_samples_by_the_stated_factor():
+    noise = np.random.default_rng(4).standard_normal((400, 4000))
+    variance = np.var(found(noise) ** 2)
+    # The variance of a variance: known to a fiftieth; 16 samples at the ends count less.
+    assert variance == pytest.approx(2 * CORRELATION / 384, rel=0.08)
+
+
+@pytest.mark.parametrize('apart', [0.0, 0.5])
+def test_averages_of_interpolated_noise_are_as_small_as_noise_makes_them(apart):
+    noise = np.random.default_rng(5).standard_normal((20200, 16))
+    statistics = ResidualStatistics(16, 4)
+    statistics.add(resample(noise, Grid(100.0 + apart, 1.0), 20000))
+    ratio, deviation = statistics.slow_excess(0)
+    assert deviation < 0.01
+    assert ratio == pytest.approx(1.0, abs=3 * deviation)
+    # With a slow motion of a twentieth of the power of the noise they are not.
+    statistics = ResidualStatistics(16, 4)
+    slow = 0.3 * np.sin(0.05 * np.arange(20200))[:, np.newaxis]
+    statistics.add(resample(noise + slow, Grid(100.0 + apart, 1.0), 20000))
+    ratio, deviation = statistics.slow_excess(0)
+    assert ratio > 1 + 5 * deviation
 
 
 def test_polynomials_are_no_noise():
@@ -43,9 +84,9 @@ def test_lost_samples_are_left_out():
     np.testing.assert_allclose(found(noise), 1.0, rtol=0.05)
 
 
-def test_nothing_is_known_before_eleven_samples_in_a_row():
-    assert np.isnan(found(np.ones((10, 2)))).all()
-    assert np.isfinite(found(np.ones((11, 2)))).all()
+def test_nothing_is_known_before_seventeen_samples_in_a_row():
+    assert np.isnan(found(np.ones((16, 2)))).all()
+    assert np.isfinite(found(np.ones((17, 2)))).all()
 
 
 def test_blocks_of_ten_samples_tell_the_noise_as_one_block_does():
@@ -53,7 +94,7 @@ def test_blocks_of_ten_samples_tell_the_noise_as_one_block_does():
     np.testing.assert_allclose(found(*np.split(noise, 2000)), found(noise), rtol=1e-9)
 
 
-@pytest.mark.parametrize('size', [1, 3, 9, 10, 11, 997])
+@pytest.mark.parametrize('size', [1, 3, 15, 16, 17, 997])
 def test_blocks_of_any_size_tell_the_noise_as_one_block_does(size):
     noise = np.random.default_rng(5).standard_normal((2000, 2)) * [1e-9, 1e5]
     noise[700] = np.nan

@@ -3,7 +3,15 @@
 """Band-limited interpolation against closed form; chunks; edges and gaps."""
 
 from identnl_ros.core.errors import DataError
-from identnl_ros.core.synchronisation.resampling import Grid, HALF_WIDTH, resample, Resampler
+from identnl_ros.core.synchronisation.resampling import (
+    Grid,
+    HALF_WIDTH,
+    interpolate,
+    reach_of,
+    resample,
+    Resampler,
+    weights_at,
+)
 import numpy as np
 import pytest
 
@@ -81,6 +89,19 @@ def test_the_own_grid_changes_nothing():
     found = resample(samples, Grid(0.0, 1.0), 400)
     valid = np.isfinite(found)
     np.testing.assert_allclose(found[valid], samples[valid], atol=1e-14)
+
+
+@pytest.mark.parametrize(('stretch', 'error'), [(1.0, 1e-14), (1 + 1e-4, 1e-10), (2.56, 1e-10)])
+def test_weights_are_those_of_the_windowed_sinc(stretch, error):
+    # Through interpolation of unit impulses at places of any kind.
+    count = 4 * round(HALF_WIDTH * stretch)
+    place = count / 2 + np.random.default_rng(8).random(50)
+    found = interpolate(np.eye(count), place, stretch)
+    half = reach_of(stretch)
+    first = int(count / 2) - half + 1
+    exact = weights_at(place - np.floor(place), stretch)
+    np.testing.assert_allclose(found[:, first : first + 2 * half], exact, rtol=0, atol=error)
+    assert exact.max() > 0.3
 
 
 def test_impossible_grids_are_refused():

@@ -81,6 +81,38 @@ def test_clocks_that_differ_show_the_same_motion_at_the_same_time():
     assert np.isfinite(samples).all(axis=1).mean() > 0.9
 
 
+def test_description_has_the_rate_of_the_slowest_device_and_the_noise_of_what_is_published():
+    left = ScriptedDevice({'a': ''}, 'left', sample_rate=4 * RATE)
+    right = ScriptedDevice({'a': ''}, 'right')
+    sensors = tuple(
+        Sensor(name, SensorKind.DISPLACEMENT, body='table', column=f'{name}/a', noise=1e-3)
+        for name in ('left', 'right')
+    )
+    said = []
+    source = DeviceSource([left, right], Layout(sensors), tell=said.append)
+    description = source.description
+    assert description.sample_rate == RATE
+    assert any('rate of the slowest device (right)' in text for text in said)
+    blocks = []
+    taking = threading.Thread(target=lambda: blocks.extend(source.blocks()))
+    taking.start()
+    generator = np.random.default_rng(3)
+    for chunk in range(160):
+        for device, count in ((left, 200), (right, 50)):
+            device.give(chunk * count, 1e-3 * generator.standard_normal((count, 1)))
+        time.sleep(0.003)
+    while left.items.qsize() or right.items.qsize():
+        time.sleep(0.01)
+    source.end()
+    taking.join()
+    samples = np.concatenate([block.samples for block in blocks])
+    assert np.isfinite(samples).all(axis=1).sum() > 6000
+    stated = [sensor.noise for sensor in description.layout.sensors]
+    # As many samples as these tell it to 1 %, and the low-pass takes 1 % at the top of the band.
+    np.testing.assert_allclose(np.nanstd(samples, axis=0), stated, rtol=0.05)
+    np.testing.assert_allclose(stated, [0.5e-3, 1e-3])
+
+
 def test_device_that_is_away_leaves_a_gap_in_its_channels_alone():
     away = range(60, 80)  # 1 s
     source, blocks = run(away)

@@ -8,21 +8,15 @@ The noise is therefore read off the fastest changes of the residual, and average
 samples must be as small as that noise makes them.
 """
 
-from math import comb
-
-from identnl_ros.core.measurement.noise import DIFFERENCE_ORDER
+from identnl_ros.core.measurement.noise import CORRELATION, fast_part, REACH
 import numpy as np
 from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
 
-_ORDER = DIFFERENCE_ORDER
-_GAIN = comb(2 * _ORDER, _ORDER)
 # Samples less noisy than stated by more than this factor count as that noisy: what remains is
 # then the arithmetic's, or does not matter beside the stated noise.
 QUIETEST = 0.1
-# Mean squares of differences of order k of white noise vary as if from fewer samples by this.
-_CORRELATION = comb(4 * _ORDER, 2 * _ORDER) / _GAIN**2
 
 
 class ResidualStatistics:
@@ -64,7 +58,7 @@ class ResidualStatistics:
 
     @property
     def tables(self) -> Reals:
-        """Sums of squares and their counts: residuals, averages, differences."""
+        """Sums of squares and their counts: residuals, averages, fast part."""
         return np.stack((self._sums, self._counts))
 
     @property
@@ -100,13 +94,13 @@ class ResidualStatistics:
         count = len(residuals) // self._average
         shape = count, self._average, residuals.shape[1]
         averages = residuals[: count * self._average].reshape(shape)
-        differences = np.diff(np.concatenate((self._tail, residuals)), n=_ORDER, axis=0)
-        self._tail = residuals[-_ORDER:]
+        joined = np.concatenate((self._tail, residuals))
+        self._tail = residuals[-REACH:]
         for row, table in enumerate(
             (
                 residuals,
                 averages.mean(axis=1) * np.sqrt(self._average),
-                differences / np.sqrt(_GAIN),
+                fast_part(joined),
             )
         ):
             valid = np.isfinite(table)
@@ -169,7 +163,7 @@ class ResidualStatistics:
             Standard deviation of the ratio, if nothing is missing.
 
         """
-        used = (self._counts[1] > 0) & (self._counts[2] > 2 * _ORDER)
+        used = (self._counts[1] > 0) & (self._counts[2] > 2 * REACH)
         slow, fast = self._counts[1:, used]
         if slow.sum() <= 2 * fitted:
             return float('nan'), float('nan')
@@ -179,5 +173,5 @@ class ResidualStatistics:
         # cautious on short records, and raises no false alarms.
         free = slow.sum()
         # Averages and the noise they are compared with: both are uncertain.
-        variance = 2 / free + (2 * _CORRELATION / fast * (slow / slow.sum()) ** 2).sum()
+        variance = 2 / free + (2 * CORRELATION / fast * (slow / slow.sum()) ** 2).sum()
         return float(ratios.sum() / free), float(np.sqrt(variance))

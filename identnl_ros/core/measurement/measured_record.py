@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.layout import Layout
-from identnl_ros.core.measurement.noise import DIFFERENCE_ORDER, NoiseEstimate
+from identnl_ros.core.measurement.noise import NoiseEstimate, REACH
 import numpy as np
 from numpy.typing import NDArray
 
@@ -98,7 +98,7 @@ def standard_deviations(record: MeasuredRecord) -> NDArray[np.float64]:
     """
     stated = np.array([sensor.noise for sensor in record.layout.sensors])
     step = np.array([sensor.resolution for sensor in record.layout.sensors])
-    if np.isnan(stated).any() and len(record.samples) > DIFFERENCE_ORDER:
+    if np.isnan(stated).any() and len(record.samples) > REACH:
         estimate = NoiseEstimate(len(stated))
         estimate.add(record.samples)
         found = estimate.standard_deviation

@@ -4,10 +4,9 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import comb
 
 from identnl_ros.core.measurement.motion_record import MotionRecord
-from identnl_ros.core.measurement.noise import DIFFERENCE_ORDER
+from identnl_ros.core.measurement.noise import DIFFERENCES, fast_part
 from identnl_ros.core.measurement.stencils import stencil
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ PERFECT = 1e-6
 BETTER = 0.1
 HALF_WIDTH = 8
 # For an estimate of noise.
-FEWEST_DIFFERENCES = 64
+FEWEST_SAMPLES = 64
 # Below this noise, relative to the motion, the arithmetic must be as exact as it can be.
 QUIET = 1e-3
 
@@ -173,13 +172,12 @@ def noise_covariance(table: Reals) -> Reals:
 
     """
     # Where samples are missing often, only lower orders find enough of them in a row.
-    for order in range(DIFFERENCE_ORDER, 0, -1):
-        differences = np.diff(table, n=order, axis=0)
-        differences = differences[np.isfinite(differences).all(axis=1)]
-        if len(differences) >= FEWEST_DIFFERENCES:
+    for differences in range(DIFFERENCES, 0, -1):
+        fast = fast_part(table, differences)
+        fast = fast[np.isfinite(fast).all(axis=1)]
+        if len(fast) >= FEWEST_SAMPLES:
             break
-    moments = differences.T @ differences
-    return np.asarray(moments / max(len(differences), 1) / comb(2 * order, order))
+    return np.asarray(fast.T @ fast / max(len(fast), 1))
 
 
 def _measured(covariance: Reals, displacement: Reals, order: int) -> Reals:

@@ -5,14 +5,13 @@
 from dataclasses import dataclass
 
 from identnl_ros.core.measurement.layout import Layout
-from identnl_ros.core.measurement.noise import DIFFERENCE_ORDER
 from identnl_ros.core.quality.condition import Condition, EXCLUDING
 from identnl_ros.core.quality.held_values import HeldValues
 from identnl_ros.core.quality.lost_channels import LostChannels
 from identnl_ros.core.quality.mark import Mark
 from identnl_ros.core.quality.noise_level import NoiseLevel, SEGMENT
 from identnl_ros.core.quality.repeated_rows import RepeatedRows
-from identnl_ros.core.quality.residual_scale import REACH, ResidualScale
+from identnl_ros.core.quality.residual_scale import DIFFERENCE_ORDER, REACH, ResidualScale
 from identnl_ros.core.quality.spike import find_spikes, HALF_WIDTH, HISTORY
 import numpy as np
 from numpy.typing import NDArray

@@ -4,11 +4,11 @@
 
 from math import comb
 
-from identnl_ros.core.measurement.noise import DIFFERENCE_ORDER
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+DIFFERENCE_ORDER = 10
 # Samples on either side of one that its difference takes in.
 REACH = DIFFERENCE_ORDER // 2
 # Of the difference, and of the sum of two neighbouring ones, per variance of white noise.

@@ -10,7 +10,7 @@ from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.synchronisation.delay_estimate import DelayEstimate, source_delays
-from identnl_ros.core.synchronisation.stream_source import SourceStream
+from identnl_ros.core.synchronisation.source_stream import SourceStream
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 def noise_on_grid(sensors: Layout, own_rates: Sequence[float], rate: float) -> Layout:
     """
     State the noise of one sample after resampling: its density in the band stays what it is.
+
+    Where the rate changes, that of the converter's steps is part of it: samples that are sums of
+    many others have no steps.
 
     Parameters
     ----------
@@ -32,10 +35,12 @@ def noise_on_grid(sensors: Layout, own_rates: Sequence[float], rate: float) -> L
     Layout
 
     """
-    changed = (
-        sensor if own == rate else replace(sensor, noise=sensor.noise * float(np.sqrt(rate / own)))
-        for sensor, own in zip(sensors.sensors, own_rates, strict=True)
-    )
+    changed = []
+    for sensor, own in zip(sensors.sensors, own_rates, strict=True):
+        if own != rate:
+            noise = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))
+            sensor = replace(sensor, noise=float(noise * np.sqrt(rate / own)), resolution=0.0)
+        changed.append(sensor)
     return replace(sensors, sensors=tuple(changed))
 
 

@@ -3,6 +3,7 @@
 """Band-limited interpolation of a uniformly sampled source on another grid, streaming."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from identnl_ros.core.errors import DataError
 import numpy as np
@@ -14,6 +15,9 @@ HALF_WIDTH = 64
 STOP_BAND = 120.0
 # Grid points computed at once.
 CHUNK = 256
+# Of the polynomials that give the weights between two samples: off by 1e-15 of the largest one,
+# 1e-10 where the grid is coarser than the samples (there the window ends between samples).
+DEGREE = 15
 
 
 @dataclass(frozen=True)
@@ -162,19 +166,52 @@ def interpolate(
     """
     result = np.full((len(place), samples.shape[1]), np.nan)
     half = reach_of(stretch)
-    shape = 0.1102 * (STOP_BAND - 8.7)
     reach = np.arange(-half + 1, half + 1)
+    polynomials = _polynomials(float(stretch))
     whole = np.floor(place).astype(np.int64)
     inside = np.flatnonzero((whole - half + 1 >= 0) & (whole + half < len(samples)))
     for begin in range(0, len(inside), CHUNK):
         own = inside[begin : begin + CHUNK]
-        distance = ((place[own] - whole[own])[:, np.newaxis] - reach) / stretch
-        window = np.sqrt(np.maximum(0.0, 1 - (distance / HALF_WIDTH) ** 2))
-        weights = np.sinc(distance) * np.i0(shape * window) / np.i0(shape)
-        weights /= stretch
+        between = 2 * (place[own] - whole[own])[:, np.newaxis] - 1
+        weights = np.repeat(polynomials[-1:], len(own), axis=0)
+        for coefficients in polynomials[-2::-1]:
+            weights *= between
+            weights += coefficients
         values = samples[whole[own][:, np.newaxis] + reach]
         result[own] = np.matmul(weights[:, np.newaxis, :], values)[:, 0]
     return result
+
+
+def weights_at(place: NDArray[np.float64], stretch: float) -> NDArray[np.float64]:
+    """
+    Evaluate the windowed sinc.
+
+    Parameters
+    ----------
+    place : ndarray, shape (n_points,)
+        Behind the sample before, from 0 to 1 [samples].
+    stretch : float
+        Samples per point where the points are coarser, else 1.
+
+    Returns
+    -------
+    ndarray, shape (n_points, 2 * `reach_of` (stretch))
+        Weights of the samples around.
+
+    """
+    half = reach_of(stretch)
+    shape = 0.1102 * (STOP_BAND - 8.7)
+    distance = (place[:, np.newaxis] - np.arange(-half + 1, half + 1)) / stretch
+    window = np.sqrt(np.maximum(0.0, 1 - (distance / HALF_WIDTH) ** 2))
+    return np.asarray(np.sinc(distance) * np.i0(shape * window) / np.i0(shape) / stretch)
+
+
+@lru_cache(maxsize=8)
+def _polynomials(stretch: float) -> NDArray[np.float64]:
+    """Coefficients of the weights, by powers of a place that runs from -1 to 1."""
+    nodes = np.cos((np.arange(DEGREE + 1) + 0.5) * np.pi / (DEGREE + 1))
+    values = weights_at((nodes + 1) / 2, stretch)
+    return np.asarray(np.linalg.solve(np.vander(nodes, increasing=True), values))
 
 
 def resample(samples: NDArray[np.float64], grid: Grid, count: int) -> NDArray[np.float64]:

@@ -11,8 +11,10 @@ from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.synchronisation.alignment import ENOUGH, MOST_ROUNDS, SEARCH
 from identnl_ros.core.synchronisation.damping_cost import damped_modes, delay_warning
 from identnl_ros.core.synchronisation.delay_tracking import DELAY, DelayTracker, SKEW
+from identnl_ros.core.synchronisation.grid_line import Line
 from identnl_ros.core.synchronisation.motion_delay import motion_delays
-from identnl_ros.core.synchronisation.stream_source import Line, robust_mean, SourceStream
+from identnl_ros.core.synchronisation.robust_mean import robust_mean
+from identnl_ros.core.synchronisation.source_stream import SourceStream
 import numpy as np
 
 # A delay that has become known is taken out within about so long [s].
@@ -134,7 +136,7 @@ class SourceAligner:
         for own in self._stamps:
             own.clear()
         step = one.rate / self._rate
-        place = float(one.begin) if alone else max(float(one.begin), one.place_at(begin_ns))
+        place = float(one.begin) if alone else max(float(one.begin), one.clock.place_at(begin_ns))
         place = np.ceil(place)
         if step != 1.0:
             place += one.needed_after(Line(0, 0.5, step))
@@ -156,7 +158,7 @@ class SourceAligner:
 
         """
         assert self._reference.line is not None
-        return self._reference.host_time(float(self._reference.line.at(point)))
+        return self._reference.clock.host_time(float(self._reference.line.at(point)))
 
     def join(self, one: SourceStream, now: int, points: tuple[int, int]) -> None:
         """
@@ -174,10 +176,10 @@ class SourceAligner:
         reference, number = self._reference, self._streams.index(one)
         assert reference.line is not None
         line = reference.line
-        interval = line.step / reference.rate * (1 + reference.clock.skew)
-        place = one.place_at(self.host_time(now))
-        own = Line(now, place, interval * one.rate / (1 + one.clock.skew))
-        spread = one.uncertainty(place) + reference.uncertainty(float(line.at(now)))
+        interval = line.step / reference.rate * (1 + reference.clock.fitted.skew)
+        place = one.clock.place_at(self.host_time(now))
+        own = Line(now, place, interval * one.rate / (1 + one.clock.fitted.skew))
+        spread = one.clock.uncertainty(place) + reference.clock.uncertainty(float(line.at(now)))
         # Where the begin alone is known, its uncertainty is all there is.
         latency = 0.0 if one.source.start_deviation else self._latency
         self._tracker.begin(number, spread, latency)
@@ -319,10 +321,10 @@ class SourceAligner:
         index, times = np.array(stamps, dtype=np.int64).T
         assert self._reference.line is not None
         interval = self._reference.line.step / self._reference.rate
-        interval *= 1 + self._reference.clock.skew
+        interval *= 1 + self._reference.clock.fitted.skew
         points = one.line.point + (index - one.line.place) / one.line.step - now
         late = (times - self.host_time(now)) / NANOSECONDS - points * interval
-        jitter = max(one.clock.jitter, LEAST_JITTER)
+        jitter = max(one.clock.fitted.jitter, LEAST_JITTER)
         age = -float(points.mean()) / self._rate
         return robust_mean(late, jitter), jitter**2 / len(late), age
 

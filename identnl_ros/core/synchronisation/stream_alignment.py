@@ -10,19 +10,19 @@ from identnl_ros.core.measurement.blocks import NANOSECONDS
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.synchronisation.alignment import channel_places, LATENCY
+from identnl_ros.core.synchronisation.common_begin import common_begin, LOOKAHEAD
 from identnl_ros.core.synchronisation.motion_delay import noise_on_grid
-from identnl_ros.core.synchronisation.resampling import reach_of
 from identnl_ros.core.synchronisation.source_alignment import (
     SourceAligner,
     SourceAlignment,
     UPDATE,
 )
-from identnl_ros.core.synchronisation.stream_source import (
+from identnl_ros.core.synchronisation.source_stream import (
     LONGEST_BUFFER,
     LONGEST_GAP,
     SourceStream,
-    StreamSource,
 )
+from identnl_ros.core.synchronisation.stream_source import StreamSource
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,10 +31,6 @@ SETTLING = 2.0  # [s]
 SILENCE = 0.5
 # Samples are given at once for so long [s].
 EPOCH = 0.1
-# So much more is waited for, to see steps of the stamps before the samples are given [s].
-LOOKAHEAD = 0.1
-# At the begin, a source that has not sent anything is waited for [s].
-PATIENCE = 5.0
 
 
 @dataclass(frozen=True)
@@ -127,7 +123,7 @@ class StreamAlignment:
         for stream in self._streams:
             own_rates[stream.places] = stream.rate
         self.layout = noise_on_grid(layout, own_rates.tolist(), sample_rate)
-        """With the noise that one sample has on the grid."""
+        """With the noise that one sample has on the grid; known before the first one."""
         self._remarks: list[str] = []
         self._aligner = SourceAligner(
             layout, self._streams, sample_rate, model, latency, self._remarks.append
@@ -145,7 +141,9 @@ class StreamAlignment:
             if stream.rate < 0.999 * sample_rate:
                 self._remarks.append(
                     f'{stream.source.name}: samples at {stream.rate:g} Hz, the grid at '
-                    f'{sample_rate:g} Hz; it shows nothing above {stream.rate / 2:g} Hz'
+                    f'{sample_rate:g} Hz; it shows nothing above {stream.rate / 2:g} Hz, no noise '
+                    'either, for which the quality or the model may be doubted; that does not '
+                    f'happen with a sample_rate of {stream.rate:g} Hz'
                 )
 
     def add(
@@ -256,50 +254,16 @@ class StreamAlignment:
                 stream.begin_anew()
 
     def _start(self, final: bool) -> bool:
-        """Find the common begin of all sources that sample."""
-        present = [one for one in self._streams if one.began]
-        longest = max(((one.end - one.begin) / one.rate for one in present), default=0.0)
-        if len(present) < len(self._streams) and not final and longest < PATIENCE:
-            return False
-        for one in present:
-            if not final and one.end < one.begin + self._settling * one.rate:
-                return False
-            one.feed(None if final else one.begin + self._settling * one.rate)
-            if not one.placeable and len(self._streams) > 1:
-                one.feed()
-                if not one.placeable:
-                    self._refuse_few_stamps(one, final)
-                    return False
-        if not present:
-            return False
-        begin_ns = max(one.host_time(one.begin) for one in present)
-        wanted = begin_ns + round((self._settling + LOOKAHEAD) * NANOSECONDS)
-        places = [one.place_at(wanted) for one in present]
-        if not final and any(
-            one.end < place + reach_of(one.stretch) + 1
-            for one, place in zip(present, places, strict=True)
-        ):
-            if longest > 0.8 * LONGEST_BUFFER:
-                self._refuse_apart(present)
-            return False
-        for one, place in zip(present, places, strict=True):
-            one.feed(None if final else place)
-        for one in present:
-            if one.step():
-                self._remarks.append(f'{one.source.name}: its stamps jump; waiting anew')
-                one.restart(one.end)
-                return False
-        end_ns = min(one.host_time(one.end) for one in present)
-        if len(present) > 1 and end_ns - begin_ns < 0.1 * NANOSECONDS:
-            self._refuse_apart(present)
-        self._lay_grid(
-            present, begin_ns, min(end_ns, begin_ns + round(self._settling * NANOSECONDS))
-        )
-        return True
+        found = common_begin(self._streams, self._settling, final, self._remarks.append)
+        if found is not None:
+            self._lay_grid(found.sources, found.begin_ns, found.end_ns)
+        return found is not None
 
-    def _lay_grid(self, present: list[SourceStream], begin_ns: int, end_ns: int) -> None:
+    def _lay_grid(self, present: Sequence[SourceStream], begin_ns: int, end_ns: int) -> None:
         reference = self._aligner.lay_grid(present[0], begin_ns, len(present) == 1)
-        begin = reference.host_time(float(reference.line.at(0))) if reference.line else begin_ns
+        begin = (
+            reference.clock.host_time(float(reference.line.at(0))) if reference.line else begin_ns
+        )
         if self._given is not None:
             index, host_ns = self._given
             self._base = index + max(1, round((begin - host_ns) / NANOSECONDS * self._rate))
@@ -333,7 +297,7 @@ class StreamAlignment:
                 needed += LOOKAHEAD * one.rate
                 complete = one.end >= needed or bool(one.later)
             else:
-                newest = one.stamps[-1][1] if one.stamps else None
+                newest = one.clock.stamps[-1][1] if one.clock.stamps else None
                 complete = newest is None or newest >= host_ns + round(LOOKAHEAD * NANOSECONDS)
             if not complete and max(reach) < end + limit * self._rate:
                 return False
@@ -380,11 +344,11 @@ class StreamAlignment:
         host_ns = self._aligner.host_time(end) + round(LOOKAHEAD * NANOSECONDS)
         for one in self._streams:
             if one.line is not None:
-                taken = one.feed(float(one.line.at(end)) + LOOKAHEAD * one.rate)
+                taken = one.clock.feed(float(one.line.at(end)) + LOOKAHEAD * one.rate)
                 self._aligner.note_stamps(one, taken)
-            elif one.stamps:
-                one.feed(before_ns=host_ns)
-            step = one.step()
+            elif one.clock.stamps:
+                one.clock.feed(before_ns=host_ns)
+            step = one.clock.step()
             if step is None:
                 continue
             text = (
@@ -400,9 +364,9 @@ class StreamAlignment:
             self._remarks.append(text)
 
     def _try_to_join(self, one: SourceStream, now: int) -> None:
-        if one.followed < self._settling:
+        if one.clock.followed < self._settling:
             return
-        place = one.place_at(self._aligner.host_time(now))
+        place = one.clock.place_at(self._aligner.host_time(now))
         far = LONGEST_GAP * one.rate
         number = self._streams.index(one)
         if not one.begin - far < place < one.end + far:
@@ -445,24 +409,3 @@ class StreamAlignment:
         """Compare the motion as soon as there is enough of it since a source is back."""
         self._whole = now
         self._interval = (now - self._updated) / self._rate + self._settling
-
-    def _refuse_apart(self, present: Sequence[SourceStream]) -> None:
-        first = present[0]
-        for one in present[1:]:
-            apart = (one.host_time(one.begin) - first.host_time(first.begin)) / NANOSECONDS
-            if abs(apart) > 0.5 * min(one.end - one.begin, LONGEST_BUFFER) / one.rate:
-                raise DataError(
-                    f'source {one.source.name}: by the stamps it begins {apart:.6g} s after '
-                    f'{first.source.name}, and they do not overlap; check that the stamps of '
-                    'all sources are of the same clock and the same run'
-                )
-        raise DataError(
-            'sources: by the stamps they have less than 0.1 s in common; record longer'
-        )
-
-    def _refuse_few_stamps(self, one: SourceStream, final: bool) -> None:
-        if final or (one.end - one.begin) / one.rate > 2 * PATIENCE:
-            raise DataError(
-                f'source {one.source.name}: fewer than 3 blocks with stamps are too few to follow '
-                'its clock; record longer, or read shorter blocks'
-            )

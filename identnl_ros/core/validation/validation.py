@@ -28,7 +28,7 @@ from identnl_ros.core.likelihood.likelihood_search import search
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.measurement.measured_force import measured_forces
 from identnl_ros.core.measurement.measured_record import MeasuredRecord, standard_deviations
-from identnl_ros.core.measurement.noise import NoiseEstimate
+from identnl_ros.core.measurement.noise import CORRELATION, NoiseEstimate
 from identnl_ros.core.measurement.sensor_prediction import SensorPrediction
 from identnl_ros.core.mechanics.model import Model
 from identnl_ros.core.simulation.excitation import Signal
@@ -67,8 +67,6 @@ COMPUTATION = 1e-5
 EXACT_COMPUTATION = 1e-6
 # Directions of the initial state that readings see less than this, squared, are left alone.
 UNSEEN = 1e-12
-# A tenth-order difference of white noise is worth this share of an independent sample.
-DIFFERENCE_DEGREES = 0.2472
 
 
 @dataclass(frozen=True)
@@ -384,7 +382,7 @@ class Validation:
         deviation, count = self._fast.standard_deviation[channel], self._fast.counts[channel]
         if not np.isfinite(deviation):
             return NoiseReference(1.0, STATED_DEGREES)
-        return NoiseReference(float(deviation**2), max(DIFFERENCE_DEGREES * float(count), 1.0))
+        return NoiseReference(float(deviation**2), max(float(count) / CORRELATION, 1.0))
 
     def _computation(self, channel: int) -> float:
         """Sum of squares of what the simulation may be wrong by, in units of the noise."""

@@ -145,7 +145,7 @@ class ResidualStatistics:
         total = self._counts[0].sum()
         return float(np.sqrt(self._sums[0].sum() / total)) if total else float('nan')
 
-    def slow_excess(self, fitted: int) -> tuple[float, float]:
+    def slow_excess(self, fitted: int, quietest: float = QUIETEST) -> tuple[float, float]:
         """
         Compare the slow part of the residuals with their noise.
 
@@ -153,6 +153,8 @@ class ResidualStatistics:
         ----------
         fitted : int
             Numbers that were fitted to these data.
+        quietest : float
+            Channels less noisy than that, in units of the stated noise, count as that noisy.
 
         Returns
         -------
@@ -167,7 +169,7 @@ class ResidualStatistics:
         slow, fast = self._counts[1:, used]
         if slow.sum() <= 2 * fitted:
             return float('nan'), float('nan')
-        noise = np.maximum(self._sums[2, used] / fast, QUIETEST**2)
+        noise = np.maximum(self._sums[2, used] / fast, quietest**2)
         ratios = self._sums[1, used] / noise
         # What the fit has absorbed is not all slow; without making up for it the test is a little
         # cautious on short records, and raises no false alarms.

@@ -277,7 +277,8 @@ class Recursion:
         if run.state is None:
             return
         noise = run.noise.force
-        if np.isnan(noise).any():
+        if np.isnan(noise).any() or (self.perfect and not noise.any()):
+            # Where all is perfect, what is not known of the force between its samples matters.
             noise = noise_covariance(run.record.force)
         with suppress(MachineError):
             self.force_noise = force_noise_effect(

@@ -206,13 +206,17 @@ class WeakIdentifier:
         information = recursion.information
         solution = information.solve()
         freedom = max(information.rows - information.size, 1.0)
-        verdict = verdict_on(recursion.statistics, recursion.fitted, recursion.force_noise)
+        force_noise = recursion.force_noise
+        verdict = self._verdict(recursion)
+        if recursion.perfect:
+            # The weights are not those of the noise: the residual says how exact the values are.
+            variance = max(verdict.variance, solution.residual_squares / freedom)
+            verdict = replace(verdict, variance=variance)
+            force_noise = replace(
+                force_noise, variance_share=force_noise.variance_share / variance
+            )
         if recursion.changing and not verdict.doubt:
             verdict = replace(verdict, doubt=CHANGING)
-        if recursion.perfect:
-            # Nothing is perfect to the last digit: no doubt about the model from that.
-            variance = max(1.0, solution.residual_squares / freedom)
-            verdict = Verdict(variance, '', '')
         model = recursion.model
         return judged_estimate(
             self.estimator,
@@ -226,7 +230,7 @@ class WeakIdentifier:
             * (PERFECT if recursion.perfect else 1.0),
             failure=recursion.failure,
             remarks=self._remarks(recursion),
-            force_noise=recursion.force_noise,
+            force_noise=force_noise,
         )
 
     def simulated_model(self) -> Model | None:
@@ -242,6 +246,14 @@ class WeakIdentifier:
         recursion = deepcopy(self._recursion)
         recursion.finish()
         return None if recursion.weighed is None else recursion.model
+
+    def _verdict(self, recursion: Recursion) -> Verdict:
+        return verdict_on(
+            recursion.statistics,
+            recursion.fitted,
+            recursion.force_noise,
+            perfect=PERFECT if recursion.perfect else None,
+        )
 
     def _remarks(self, recursion: Recursion) -> list[str]:
         remarks = []

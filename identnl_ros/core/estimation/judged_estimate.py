@@ -57,6 +57,7 @@ def verdict_on(
     fitted: int,
     force_noise: ForceNoise,
     perfect: float | None = None,
+    false_alarm_rate: float = FALSE_ALARM_RATE,
 ) -> Verdict:
     """
     Judge the residual of a fit.
@@ -72,6 +73,8 @@ def verdict_on(
     perfect : float or None
         Of sensors that are stated to be without noise: the unit of the residuals over what the
         sensor shows; as much counts as arithmetic. None: the noise is stated.
+    false_alarm_rate : float
+        Chance that a complete model is doubted.
 
     Returns
     -------
@@ -81,11 +84,23 @@ def verdict_on(
     known = statistics.noise[np.isfinite(statistics.noise)]
     noise = float(np.sqrt(np.mean(known**2))) if known.size else 1.0
     quietest = QUIETEST if perfect is None else 1.0
-    ratio, deviation = statistics.slow_excess(fitted, quietest)
-    # A mean of squares: chi squared with the degrees of freedom that give it its deviation.
-    freedom = 2 / deviation**2
-    limit = float(chi2.isf(FALSE_ALARM_RATE, freedom)) / freedom
-    limit += FORCE_MARGIN * force_noise.slow_share / noise**2
+    excesses = {
+        '': statistics.slow_excess(fitted, quietest),
+        ', weighted with the motion,': statistics.moving_excess(fitted, quietest),
+    }
+    excesses = {of: one for of, one in excesses.items() if np.isfinite(one).all()}
+    slow = []
+    for of, (ratio, deviation) in excesses.items():
+        # A mean of squares: chi squared with the degrees of freedom that give it its deviation.
+        freedom = 2 / deviation**2
+        limit = float(chi2.isf(false_alarm_rate / len(excesses), freedom)) / freedom
+        limit += FORCE_MARGIN * force_noise.slow_share / noise**2
+        if ratio > limit:
+            slow.append(
+                f'The slow part of the residual{of} has {ratio:.3g} times the power that sensor '
+                f'noise explains (expected below {limit:.3g}): the model lacks something, or a '
+                'gain, direction, delay or column in the layout is wrong.'
+            )
     doubts, remark = [], ''
     said = f'The samples are {noise:.3g} times as noisy as the layout states.'
     if noise > LARGEST_NOISE:
@@ -98,12 +113,7 @@ def verdict_on(
         doubts.append(said)
     elif abs(noise - 1) > NOTABLE_NOISE and perfect is None:
         remark = said
-    if ratio > limit:
-        doubts.append(
-            f'The slow part of the residual has {ratio:.3g} times the power that sensor noise '
-            f'explains (expected below {limit:.3g}): the model lacks something, or a gain, '
-            'direction, delay or column in the layout is wrong.'
-        )
+    doubts += slow[:1]
     doubt = ' '.join([*doubts, NOT_HELD]) if doubts else ''
     return Verdict(max(1.0, noise**2), doubt, '' if doubt else remark)
 

@@ -7,7 +7,14 @@ from dataclasses import replace
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimation.estimate import Estimate
-from identnl_ros.core.estimation.judged_estimate import judged_estimate, Verdict, verdict_on
+from identnl_ros.core.estimation.judged_estimate import (
+    FALSE_ALARM_RATE,
+    judged_estimate,
+    NOT_HELD,
+    Verdict,
+    verdict_on,
+)
+from identnl_ros.core.estimation.score_tests import contradiction, ScoreTest
 from identnl_ros.core.estimation.unknowns import (
     nothing_yet,
     require_coordinates,
@@ -107,6 +114,7 @@ class WeakIdentifier:
             )
         return WeakState(
             recursion.information,
+            recursion.tested,
             recursion.values,
             recursion.statistics.tables,
             recursion.statistics.average,
@@ -233,6 +241,20 @@ class WeakIdentifier:
             force_noise=force_noise,
         )
 
+    def tests(self) -> tuple[ScoreTest, ...]:
+        """
+        Test what may be wrong in machine or layout with all data so far.
+
+        Returns
+        -------
+        tuple of ScoreTest
+            None of them while there is no start.
+
+        """
+        recursion = deepcopy(self._recursion)
+        recursion.finish(self.follower.ended or not recursion.tried)
+        return recursion.tests if recursion.started else ()
+
     def simulated_model(self) -> Model | None:
         """
         Give the model its estimates, with some value for what the data do not determine.
@@ -248,12 +270,20 @@ class WeakIdentifier:
         return None if recursion.weighed is None else recursion.model
 
     def _verdict(self, recursion: Recursion) -> Verdict:
-        return verdict_on(
+        """Judge the residual as a whole and by what may be wrong; each has half the alarms."""
+        rate = FALSE_ALARM_RATE / 2
+        verdict = verdict_on(
             recursion.statistics,
             recursion.fitted,
             recursion.force_noise,
             perfect=PERFECT if recursion.perfect else None,
+            false_alarm_rate=rate,
         )
+        contradicted = contradiction(recursion.tests, rate, recursion.model)
+        if not contradicted:
+            return verdict
+        doubt = f'{contradicted} {verdict.doubt or NOT_HELD}'
+        return replace(verdict, doubt=doubt, remark='')
 
     def _remarks(self, recursion: Recursion) -> list[str]:
         remarks = []

@@ -27,6 +27,9 @@ from tests.core.weak_runs import (
     LAYOUT,
     noisy,
     OSCILLATOR,
+    RATE,
+    SETTLING,
+    SINE,
     statuses,
 )
 
@@ -156,3 +159,41 @@ def test_rest_does_not_hide_what_shows_in_motion(rest):
     assert ratio - 1 > 4 * deviation
     ratio, deviation = statistics.slow_excess(0)
     assert (ratio - 1 > 4 * deviation) == (not rest)
+
+
+# --- what nothing in the data contradicts -------------------------------------------------------
+
+REST = 2000
+SETTLED = exact(LINEAR, signal=SINE, count=REST + 4000)[REST:]
+LATE = 25e-6
+
+
+def unseen(found):
+    return [note for note in found.notes if note.startswith('Nothing in these data')]
+
+
+def test_settled_sine_says_what_it_cannot_contradict_and_what_that_would_change():
+    good = identifier_of(noisy(SETTLED), LINEAR).estimate()
+    assert statuses(good) == {OK}
+    (note,) = unseen(good)
+    told = re.search(r'force that is 25 us late \(it would change (\S+) by (\S+) %\)', note)
+    assert told, note
+    # The same reading of a force that is in truth as late.
+    force = SINE.on_grid((SETTLING + REST) / RATE - LATE, 1 / RATE, len(SETTLED))
+    samples = SETTLED.copy()
+    samples[:, FORCE] = force
+    late = identifier_of(noisy(samples), LINEAR).estimate()
+    assert statuses(late) == {OK}
+    names = [one.name for one in good.parameters]
+    change = (values_of(late) / values_of(good) - 1)[names.index(told[1])]
+    assert abs(change) == pytest.approx(float(told[2]) / 100, rel=0.1)
+
+
+def test_broadband_excitation_leaves_nothing_unseen():
+    assert not unseen(identifier_of(noisy(BROADBAND), LINEAR).estimate())
+
+
+def test_gain_of_the_force_is_not_seen_where_the_mass_is_unknown():
+    (note,) = unseen(identifier_of(noisy(BROADBAND), MASS_TOO).estimate())
+    assert 'force that reads 1 % too much' in note
+    assert 'No mass is known' in note

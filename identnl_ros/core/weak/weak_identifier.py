@@ -21,6 +21,7 @@ from identnl_ros.core.estimation.unknowns import (
     require_same_unknowns,
     require_unknowns,
 )
+from identnl_ros.core.estimation.unseen_errors import unseen_errors, unseen_note
 from identnl_ros.core.measurement.blocks import MotionBlock
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.measurement.motion_record import records_of
@@ -226,7 +227,7 @@ class WeakIdentifier:
         if recursion.changing and not verdict.doubt:
             verdict = replace(verdict, doubt=CHANGING)
         model = recursion.model
-        return judged_estimate(
+        estimate = judged_estimate(
             self.estimator,
             [model.parameters[i] for i in model.estimated],
             recursion.values + solution.values,
@@ -240,6 +241,11 @@ class WeakIdentifier:
             remarks=self._remarks(recursion),
             force_noise=force_noise,
         )
+        if recursion.failure or verdict.doubt:
+            return estimate
+        errors = unseen_errors(recursion.tests, estimate, model, FALSE_ALARM_RATE / 2)
+        note = unseen_note(errors, model)
+        return replace(estimate, notes=(*estimate.notes, note)) if note else estimate
 
     def tests(self) -> tuple[ScoreTest, ...]:
         """

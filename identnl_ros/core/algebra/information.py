@@ -276,6 +276,25 @@ class Information:
         rest = table[len(others) :, len(others) :]
         return _information(rest, max(self.rows - len(others), 0))
 
+    def without(self, held: Sequence[int]) -> 'Information':
+        """
+        Hold some unknowns at zero: what the data say of the others if these are right.
+
+        Parameters
+        ----------
+        held : sequence of int
+            Indices of the unknowns.
+
+        Returns
+        -------
+        Information
+            Of as many rows, on the others in their order.
+
+        """
+        rest = [i for i in range(self.size + 1) if i not in set(held)]
+        empty = np.zeros((len(rest),) * 2, np.longdouble)
+        return _information(absorbed(empty, self.extended[:, rest]), self.rows)
+
     def solve(self) -> Solution:
         """
         Solve by a rank-revealing factorisation of the column-scaled factor.

@@ -37,7 +37,11 @@ def absorbed(
 
     """
     if len(rows) > EXTENDED_ROWS:
-        rows = np.asarray(np.linalg.qr(np.asarray(rows, np.float64), mode='r'))
+        # Columns that are zero cost nothing.
+        used = np.count_nonzero(rows, axis=0) > 0
+        reduced = np.linalg.qr(np.asarray(rows[:, used], np.float64), mode='r')
+        rows = np.zeros((len(reduced), rows.shape[1]))
+        rows[:, used] = reduced
     rest = rows.astype(np.longdouble)
     result = triangle.copy()
     for k in range(len(result)):

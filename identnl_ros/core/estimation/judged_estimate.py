@@ -14,7 +14,7 @@ from identnl_ros.core.estimation.estimate import (
     ParameterEstimate,
 )
 from identnl_ros.core.estimation.force_noise import ForceNoise
-from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
+from identnl_ros.core.estimation.residual_statistics import QUIETEST, ResidualStatistics
 from identnl_ros.core.mechanics.model import Parameter
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ FORCE_MARGIN = 1.5
 # Power of the force noise in the residual over what it is in most stretches. A steady vibration
 # stays below 3; where contacts open and the motion is unstable for a while, it is tens.
 LARGEST_GROWTH = 10.0
+NOT_HELD = 'The standard deviations do not hold.'
 # Deviation of the noise from the stated one that is worth a remark.
 NOTABLE_NOISE = 0.1
 
@@ -54,7 +55,13 @@ class Verdict:
     remark: str
 
 
-def verdict_on(statistics: ResidualStatistics, fitted: int, force_noise: ForceNoise) -> Verdict:
+def verdict_on(
+    statistics: ResidualStatistics,
+    fitted: int,
+    force_noise: ForceNoise,
+    perfect: float | None = None,
+    false_alarm_rate: float = FALSE_ALARM_RATE,
+) -> Verdict:
     """
     Judge the residual of a fit.
 
@@ -66,6 +73,11 @@ def verdict_on(statistics: ResidualStatistics, fitted: int, force_noise: ForceNo
         Numbers that were fitted.
     force_noise : ForceNoise
         What noise of the measured force adds.
+    perfect : float or None
+        Of sensors that are stated to be without noise: the unit of the residuals over what the
+        sensor shows; as much counts as arithmetic. None: the noise is stated.
+    false_alarm_rate : float
+        Chance that a complete model is doubted.
 
     Returns
     -------
@@ -74,32 +86,45 @@ def verdict_on(statistics: ResidualStatistics, fitted: int, force_noise: ForceNo
     """
     known = statistics.noise[np.isfinite(statistics.noise)]
     noise = float(np.sqrt(np.mean(known**2))) if known.size else 1.0
-    ratio, deviation = statistics.slow_excess(fitted)
-    # A mean of squares: chi squared with the degrees of freedom that give it its deviation.
-    freedom = 2 / deviation**2
-    limit = float(chi2.isf(FALSE_ALARM_RATE, freedom)) / freedom
-    limit += FORCE_MARGIN * force_noise.slow_share / noise**2
-    doubt = remark = ''
+    quietest = QUIETEST if perfect is None else 1.0
+    excesses = {
+        '': statistics.slow_excess(fitted, quietest),
+        ', weighted with the motion,': statistics.moving_excess(fitted, quietest),
+    }
+    excesses = {of: one for of, one in excesses.items() if np.isfinite(one).all()}
+    slow = []
+    for of, (ratio, deviation) in excesses.items():
+        # A mean of squares: chi squared with the degrees of freedom that give it its deviation.
+        freedom = 2 / deviation**2
+        limit = float(chi2.isf(false_alarm_rate / len(excesses), freedom)) / freedom
+        limit += FORCE_MARGIN * force_noise.slow_share / noise**2
+        if ratio > limit:
+            slow.append(
+                f'The slow part of the residual{of} has {ratio:.3g} times the power that sensor '
+                f'noise explains (expected below {limit:.3g}): the model lacks something, or a '
+                'gain, direction, delay or column in the layout is wrong.'
+            )
+    doubts, remark = [], ''
     said = f'The samples are {noise:.3g} times as noisy as the layout states.'
     if noise > LARGEST_NOISE:
-        doubt = f'{said} The standard deviations do not hold.'
-    elif ratio > limit:
-        doubt = (
-            f'The slow part of the residual has {ratio:.3g} times the power that sensor noise '
-            f'explains (expected below {limit:.3g}): the model lacks something, or a gain, '
-            'direction, delay or column in the layout is wrong. The standard deviations do not '
-            'hold.'
-        )
-    elif force_noise.growth > LARGEST_GROWTH:
-        doubt = (
+        if perfect is not None:
+            said = (
+                'The layout states sensors without noise, but one shows noise of '
+                f'{perfect * float(known.max()):.2g} of its motion: state the noise, or leave it '
+                'out to have it estimated.'
+            )
+        doubts.append(said)
+    elif abs(noise - 1) > NOTABLE_NOISE and perfect is None:
+        remark = said
+    doubts += slow[:1]
+    if not doubts and force_noise.growth > LARGEST_GROWTH:
+        doubts.append(
             f'Noise of the measured force grows for a while to {force_noise.growth:.3g} times its '
             'usual power in the motion, which is unstable there, as where contacts open: it may '
-            'move the estimates further than a linearised motion tells. The standard deviations '
-            'do not hold; excite less.'
+            'move the estimates further than a linearised motion tells. Excite less.'
         )
-    elif abs(noise - 1) > NOTABLE_NOISE:
-        remark = said
-    return Verdict(max(1.0, noise**2), doubt, remark)
+    doubt = ' '.join([*doubts, NOT_HELD]) if doubts else ''
+    return Verdict(max(1.0, noise**2), doubt, '' if doubt else remark)
 
 
 def judged_estimate(

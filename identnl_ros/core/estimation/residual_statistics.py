@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
 
+TABLES = 5
 # Samples less noisy than stated by more than this factor count as that noisy: what remains is
 # then the arithmetic's, or does not matter beside the stated noise.
 QUIETEST = 0.1
@@ -22,6 +23,9 @@ QUIETEST = 0.1
 class ResidualStatistics:
     """
     Sums over whitened residuals: all, averaged over a few samples, and their fastest changes.
+
+    The averages are summed twice: all alike, and weighted with how much the machine moves, so that
+    rest does not hide what shows only in motion.
 
     Parameters
     ----------
@@ -34,8 +38,9 @@ class ResidualStatistics:
     def __init__(self, channels: int, average: int) -> None:
         self._average = average
         self._tail = np.empty((0, channels))
-        self._sums = np.zeros((3, channels))
-        self._counts = np.zeros((3, channels))
+        # Residuals, averages, fast part, weighted averages; squares of these weights.
+        self._sums = np.zeros((TABLES, channels))
+        self._counts = np.zeros((TABLES, channels))
 
     @classmethod
     def of(cls, tables: Reals, average: int) -> 'ResidualStatistics':
@@ -44,7 +49,8 @@ class ResidualStatistics:
 
         Parameters
         ----------
-        tables : ndarray, shape (2, 3, n_channels)
+        tables : ndarray, shape (2, 5, n_channels)
+            Of three rows where nothing was weighted.
         average : int
 
         Returns
@@ -53,12 +59,12 @@ class ResidualStatistics:
 
         """
         statistics = cls(tables.shape[2], average)
-        statistics._sums, statistics._counts = tables.copy()
+        statistics._sums[: tables.shape[1]], statistics._counts[: tables.shape[1]] = tables
         return statistics
 
     @property
     def tables(self) -> Reals:
-        """Sums of squares and their counts: residuals, averages, fast part."""
+        """Sums of squares and their counts: residuals, averages, fast part, weighted averages."""
         return np.stack((self._sums, self._counts))
 
     @property
@@ -75,7 +81,9 @@ class ResidualStatistics:
         """Expect residuals that do not follow those before."""
         self._tail = self._tail[:0]
 
-    def add(self, residuals: Reals, places: NDArray[np.int_] | None = None) -> None:
+    def add(
+        self, residuals: Reals, places: NDArray[np.int_] | None = None, energy: float = 0.0
+    ) -> None:
         """
         Take consecutive residuals.
 
@@ -85,6 +93,8 @@ class ResidualStatistics:
             Of unit variance if the stated noise is right; NaN: no valid sample.
         places : ndarray of int, shape (n_residuals,), or None
             Channel of every residual; the other channels have none. None: as they come.
+        energy : float
+            Mean square of the simulated motion: weight of these averages among all.
 
         """
         if places is not None:
@@ -106,6 +116,11 @@ class ResidualStatistics:
             valid = np.isfinite(table)
             self._sums[row] += (np.where(valid, table, 0.0) ** 2).sum(axis=0)
             self._counts[row] += valid.sum(axis=0)
+            if row == 1:
+                squares = (np.where(valid, table, 0.0) ** 2).sum(axis=0)
+                self._sums[3] += energy * squares
+                self._counts[3] += energy * valid.sum(axis=0)
+                self._sums[4] += energy**2 * valid.sum(axis=0)
 
     def discount(self, share: float) -> None:
         """
@@ -118,6 +133,8 @@ class ResidualStatistics:
 
         """
         self._sums *= share
+        # Weights shrink, and their squares do twice.
+        self._sums[4] *= share
         self._counts *= share
 
     def merge(self, other: 'ResidualStatistics') -> None:
@@ -145,7 +162,7 @@ class ResidualStatistics:
         total = self._counts[0].sum()
         return float(np.sqrt(self._sums[0].sum() / total)) if total else float('nan')
 
-    def slow_excess(self, fitted: int) -> tuple[float, float]:
+    def slow_excess(self, fitted: int, quietest: float = QUIETEST) -> tuple[float, float]:
         """
         Compare the slow part of the residuals with their noise.
 
@@ -153,6 +170,8 @@ class ResidualStatistics:
         ----------
         fitted : int
             Numbers that were fitted to these data.
+        quietest : float
+            Channels less noisy than that, in units of the stated noise, count as that noisy.
 
         Returns
         -------
@@ -164,10 +183,10 @@ class ResidualStatistics:
 
         """
         used = (self._counts[1] > 0) & (self._counts[2] > 2 * REACH)
-        slow, fast = self._counts[1:, used]
+        slow, fast = self._counts[1:3, used]
         if slow.sum() <= 2 * fitted:
             return float('nan'), float('nan')
-        noise = np.maximum(self._sums[2, used] / fast, QUIETEST**2)
+        noise = np.maximum(self._sums[2, used] / fast, quietest**2)
         ratios = self._sums[1, used] / noise
         # What the fit has absorbed is not all slow; without making up for it the test is a little
         # cautious on short records, and raises no false alarms.
@@ -175,3 +194,32 @@ class ResidualStatistics:
         # Averages and the noise they are compared with: both are uncertain.
         variance = 2 / free + (2 * CORRELATION / fast * (slow / slow.sum()) ** 2).sum()
         return float(ratios.sum() / free), float(np.sqrt(variance))
+
+    def moving_excess(self, fitted: int, quietest: float = QUIETEST) -> tuple[float, float]:
+        """
+        Compare the slow part of the residuals with their noise, where the machine moves.
+
+        Parameters
+        ----------
+        fitted : int
+            Numbers that were fitted to these data.
+        quietest : float
+            As for `slow_excess`.
+
+        Returns
+        -------
+        ratio, deviation : float
+            As of `slow_excess`, of averages weighted with the energy of the motion.
+
+        """
+        used = (self._counts[3] > 0) & (self._counts[2] > 2 * REACH)
+        weight, fast = self._counts[3, used], self._counts[2, used]
+        whole = weight.sum()
+        # As many averages of one weight would vary as much.
+        if not whole or whole**2 / self._sums[4, used].sum() <= 2 * fitted:
+            return float('nan'), float('nan')
+        noise = np.maximum(self._sums[2, used] / fast, quietest**2)
+        ratio = float((self._sums[3, used] / noise).sum() / whole)
+        variance = 2 * self._sums[4, used].sum() / whole**2
+        variance += (2 * CORRELATION / fast * (weight / whole) ** 2).sum()
+        return ratio, float(np.sqrt(variance))

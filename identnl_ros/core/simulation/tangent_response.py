@@ -220,6 +220,11 @@ class TangentResponse:
         return self._state[:2]
 
     @property
+    def latest(self) -> Reals:
+        """Those of displacement, velocity and acceleration, shape (3, n_coordinates, ...)."""
+        return self._state
+
+    @property
     def present_hidden(self) -> Reals:
         """Derivatives of the hysteretic states now, shape (n_hidden, n_columns)."""
         state: Reals = self._inside[0]

@@ -44,6 +44,8 @@ class ChunkFit:
         Behind the samples, linearised about the values found.
     residuals : ndarray, shape (n_samples, n_channels)
         At these values.
+    energy : float
+        Of the simulated motion, see `Deviation`.
     share : float
         How much what was known still counts: 1 where the samples do not contradict it.
     contradiction : Contradiction
@@ -53,6 +55,7 @@ class ChunkFit:
 
     fit: ResponseFit
     residuals: Reals
+    energy: float
     share: float
     contradiction: 'Contradiction'
 
@@ -92,10 +95,10 @@ def fitted_to_chunk(known: ResponseFit, record: MotionRecord, first: int, end: i
         share /= excess
         best = chunk.fitted(share)
     contradiction = best.contradiction
-    best.fit.information = best.joint
+    best.fit.tested = best.joint
     residuals = best.deviation.after(best.step)
     best.fit.move(best.step)
-    return ChunkFit(best.fit, residuals, share, contradiction)
+    return ChunkFit(best.fit, residuals, best.deviation.energy, share, contradiction)
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,8 @@ class _Chunk:
 
     def fitted(self, share: float) -> '_Point':
         """Find the values that suit both best, the latter counting a share."""
-        best = self._at(np.zeros(self.known.information.size), share)
+        size = len(self.known.model.estimated) + self.known.states
+        best = self._at(np.zeros(size), share)
         enough = USUAL_GAIN
         length = 1.0
         for _ in range(PASSES):
@@ -132,7 +136,7 @@ class _Chunk:
         difference = self.known.feasible(difference)
         fit = self.known.begun_at(difference)
         deviation = fit.advance(self.record, self.first, self.end)
-        known = self.known.information.shifted(difference).discounted(share)
+        known = self.known.tested.shifted(self.known.padded(difference)).discounted(share)
         return _Point(difference, fit, deviation, known)
 
 
@@ -144,8 +148,8 @@ class _Point:
     ) -> None:
         self.difference, self.fit, self.deviation = difference, fit, deviation
         self._known = known
-        self.joint = joined(fit.information, known)
-        solution = self.joint.solve()
+        self.joint = joined(fit.tested, known)
+        solution = self._fitted(self.joint).solve()
         self.step = solution.values
         self.cost = float((self.joint.factor[:, -1] ** 2).sum())
         self.gain = self.cost - solution.residual_squares
@@ -153,7 +157,12 @@ class _Point:
     @property
     def contradiction(self) -> 'Contradiction':
         """Of the samples and what was known."""
-        return Contradiction.between(self.fit.information, self._known)
+        return Contradiction.between(self._fitted(self.fit.tested), self._fitted(self._known))
+
+    def _fitted(self, information: Information) -> Information:
+        """Alternatives are as stated."""
+        unknowns = len(self.fit.model.estimated)
+        return information.without(range(unknowns, unknowns + len(self.fit.alternatives)))
 
 
 @dataclass(frozen=True)

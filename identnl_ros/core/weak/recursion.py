@@ -12,8 +12,10 @@ from contextlib import suppress
 
 from identnl_ros.core.algebra.information import Information
 from identnl_ros.core.errors import IdentnlError, MachineError
-from identnl_ros.core.estimation.force_noise import force_noise_effect, ForceNoise
-from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
+from identnl_ros.core.estimation.alternatives import alternatives_of
+from identnl_ros.core.estimation.force_noise import DRAWS, force_noise_effect, ForceNoise
+from identnl_ros.core.estimation.residual_statistics import QUIETEST, ResidualStatistics
+from identnl_ros.core.estimation.score_tests import score_tests, ScoreNoise, ScoreTest
 from identnl_ros.core.measurement.motion_record import MotionRecord, same_noise
 from identnl_ros.core.measurement.motion_weights import noise_covariance
 from identnl_ros.core.mechanics.model import Model
@@ -23,7 +25,7 @@ from identnl_ros.core.weak.chunk_fit import (
     FALSE_ALARM_RATE,
     fitted_to_chunk,
 )
-from identnl_ros.core.weak.response_fit import FORCE_MARGIN, ResponseFit
+from identnl_ros.core.weak.response_fit import FORCE_MARGIN, joined, padded, ResponseFit
 from identnl_ros.core.weak.response_search import (
     CHUNK,
     remembered,
@@ -114,7 +116,7 @@ class Recursion:
         self._next_start = FIRST_START
         self._gone_over = 0
         self._reference = self.values
-        self._earlier = Information.empty(len(self.model.estimated))
+        self._earlier = self._nothing
 
     @property
     def values(self) -> Reals:
@@ -127,10 +129,37 @@ class Recursion:
         return len(self.model.estimated) + round(self._states_fitted)
 
     @property
-    def information(self) -> Information:
-        """On the differences of the unknowns from the values of `model`."""
+    def _nothing(self) -> Information:
+        """On the unknowns and the alternatives."""
+        return Information.empty(len(self.model.estimated) + len(alternatives_of(self.model)))
+
+    @property
+    def tested(self) -> Information:
+        """On the unknowns, as differences from the values of `model`, and the alternatives."""
         fit = self._run.fit if self._run is not None else None
         return self._earlier if fit is None else self._earlier.merged(fit.unknowns)
+
+    @property
+    def information(self) -> Information:
+        """On the unknowns, as differences from the values of `model`."""
+        tested = self.tested
+        return tested.without(range(len(self.model.estimated), tested.size))
+
+    @property
+    def tests(self) -> tuple[ScoreTest, ...]:
+        """Of what may be wrong in machine or layout."""
+        known = self.statistics.noise[np.isfinite(self.statistics.noise)]
+        arithmetic = 1.0 if self.perfect else 0.0
+        noise = ScoreNoise(
+            # The noisiest channel: which of them a score rests on is not known.
+            variance=max(float(known.max(initial=0.0)), QUIETEST) ** 2 if known.size else 1.0,
+            arithmetic=arithmetic,
+            force_share=self.force_noise.test_share,
+            draws=DRAWS,
+            force_bias=self.force_noise.test_bias,
+        )
+        alternatives = alternatives_of(self.model)
+        return score_tests(self.tested, len(self.model.estimated), alternatives, noise)
 
     def add(self, record: MotionRecord, noise: Noise) -> None:
         """
@@ -168,7 +197,7 @@ class Recursion:
 
         """
         self.model = self.model.with_unknowns(state.values)
-        self._earlier = state.information
+        self._earlier = joined(self._nothing, state.tested or state.information)
         self.started, self.failure = True, ''
         self.statistics = ResidualStatistics.of(state.statistics, state.average)
         self._usual = self.statistics.excess
@@ -188,7 +217,7 @@ class Recursion:
         run = self._run
         if run is None:
             return
-        self._earlier, run.fit, self._run = self.information, None, None
+        self._earlier, run.fit, self._run = self.tested, None, None
         self.statistics.restart()
         if self._kept is not None:
             self._kept.append(run)
@@ -255,11 +284,10 @@ class Recursion:
         self.weighed = runs[-1].whole
         self.perfect = any(run.whole.weights.perfect for run in runs)
         self.model = found.fits[-1].model
-        unknowns = len(self.model.estimated)
         self._states_fitted = 0.0
-        self._earlier = Information.empty(unknowns)
+        self._earlier = self._nothing
         for run, fit in zip(runs, found.fits, strict=True):
-            self._states_fitted += fit.information.size - unknowns
+            self._states_fitted += fit.states
             run.state = fit.initial_state
             if run is self._run:
                 run.fit, run.position = fit, run.whole.end
@@ -277,7 +305,8 @@ class Recursion:
         if run.state is None:
             return
         noise = run.noise.force
-        if np.isnan(noise).any():
+        if np.isnan(noise).any() or (self.perfect and not noise.any()):
+            # Where all is perfect, what is not known of the force between its samples matters.
             noise = noise_covariance(run.record.force)
         with suppress(MachineError):
             self.force_noise = force_noise_effect(
@@ -289,6 +318,7 @@ class Recursion:
                 run.state,
                 whole.function.stride,
                 float(run.record.time[whole.first]),
+                alternatives_of(self.model),
             )
 
     def _advance(self, final: bool) -> bool:
@@ -318,7 +348,8 @@ class Recursion:
         """Learn from samples up to an end."""
         if self._memory is None:
             deviation = fit.advance(run.record, run.position, end)
-            self.statistics.add(deviation.after(self._move()), run.whole.weights.places)
+            residuals = deviation.after(self._move())
+            self.statistics.add(residuals, run.whole.weights.places, deviation.energy)
             return
         share = remembered(self._memory, end - run.position, run.record.sample_rate)
         self._forget(share)
@@ -329,8 +360,8 @@ class Recursion:
             found.contradiction, share * found.share
         )
         run.fit, self.model = found.fit, found.fit.model
-        self._earlier = Information.empty(len(self.model.estimated))
-        self.statistics.add(found.residuals, run.whole.weights.places)
+        self._earlier = self._nothing
+        self.statistics.add(found.residuals, run.whole.weights.places, found.energy)
         squares = found.residuals[np.isfinite(found.residuals)] ** 2
         self._require_following(float(np.sqrt(squares.mean())) if squares.size else 0.0)
         # Too little to be seen in a chunk, but always again: the machine changes slowly.
@@ -374,7 +405,7 @@ class Recursion:
             return
         self._earlier = self._earlier.discounted(share)
         if self._run is not None and self._run.fit is not None:
-            self._run.fit.information = self._run.fit.information.discounted(share)
+            self._run.fit.tested = self._run.fit.tested.discounted(share)
         self.statistics.discount(share)
         self._states_fitted *= share
 
@@ -394,13 +425,13 @@ class Recursion:
         found, share = self._begin_fit(beginning)
         self._concede(share)
         (run.fit,) = found.fits
-        self._earlier = self._earlier.shifted(run.fit.values - self.values)
+        self._shift_earlier(run.fit.values - self.values)
         self.model = run.fit.model
         run.state, run.position = run.fit.initial_state, beginning.end
         self.statistics.merge(found.statistics)
         if self._memory is not None:
             self._require_following(found.statistics.excess)
-        self._states_fitted += run.fit.information.size - len(self.model.estimated)
+        self._states_fitted += run.fit.states
         self._move()
 
     def _begin_fit(self, beginning: WeighedRecord) -> tuple[Search, float]:
@@ -412,7 +443,9 @@ class Recursion:
             return found, share
         for _ in range(CONCESSIONS):
             fit = found.fits[0]
-            known = self._earlier.discounted(share).shifted(fit.values - self.values)
+            known = self._earlier.discounted(share)
+            known = known.shifted(fit.padded(fit.values - self.values))
+            known = known.without(range(len(self.values), known.size))
             excess = Contradiction.between(fit.information, known).excess(FALSE_ALARM_RATE)
             if found.converged and excess <= 1:
                 break
@@ -435,8 +468,14 @@ class Recursion:
                 step = run.fit.difference(unknowns)
                 run.fit.move(step)
                 run.state, self.model = run.fit.initial_state, run.fit.model
-            self._earlier = self._earlier.shifted(unknowns)
+            self._shift_earlier(unknowns)
         return step
+
+    def _shift_earlier(self, difference: Reals) -> None:
+        """Express what was learned before by the differences from other values."""
+        count = len(difference)
+        offset = padded(difference, count, self._earlier.size - count)
+        self._earlier = self._earlier.shifted(offset)
 
     def _go_over_again_if_moved(self, last: bool = False) -> None:
         count = sum(len(run.record) for run in self._runs)

@@ -15,6 +15,13 @@ from dataclasses import dataclass
 
 from identnl_ros.core.algebra.information import Information, merge_by_name
 from identnl_ros.core.errors import MachineError
+from identnl_ros.core.estimation.alternatives import (
+    add_readings,
+    alternatives_of,
+    Course,
+    disturbances,
+    slope,
+)
 from identnl_ros.core.measurement.motion_record import MotionRecord
 from identnl_ros.core.measurement.motion_weights import MotionWeights
 from identnl_ros.core.mechanics.model import Model
@@ -53,11 +60,14 @@ class Deviation:
         NaN where there is no valid measurement.
     derivatives : ndarray, shape (n_samples, n_channels, n_unknowns + n_states)
         Of the simulated motion by the unknowns and the initial state.
+    energy : float
+        Mean square of the simulated motion about its mean, in the same units.
 
     """
 
     values: Reals
     derivatives: Reals
+    energy: float
 
     def after(self, difference: Reals) -> Reals:
         """
@@ -78,6 +88,9 @@ class Deviation:
 class ResponseFit:
     """
     Simulation of one uninterrupted record and what its deviation says about the unknowns.
+
+    Numbers that are taken as known have columns too (`alternatives`), to be tested: they are held
+    at what is stated, and no estimate depends on them.
 
     Parameters
     ----------
@@ -102,12 +115,15 @@ class ResponseFit:
         self._weights = weights
         self._rate = sample_rate
         self._state = self.initial_state = *state[:2], initial_hidden(model, state[2])
-        self._response = TangentResponse(model, 1 / sample_rate, hidden_start=True)
+        self.alternatives = alternatives_of(model)
+        self._response = TangentResponse(
+            model, 1 / sample_rate, len(self.alternatives), hidden_start=True
+        )
         self._limit = EXACT_STEP_LIMIT if weights.quiet else STEP_LIMIT
         laws = [model.terms[i].law for i in model.hidden_columns]
         self._farthest = np.array([BEYOND ** (1 / law.exponent) * law.limit for law in laws])
-        # About differences from the present values: unknowns, then the initial state.
-        self.information = Information.empty(len(model.estimated) + sum(map(len, self._state)))
+        # About differences from the present values: unknowns, alternatives, the initial state.
+        self.tested = Information.empty(self._begin_of_states + self.states)
 
     @property
     def values(self) -> Reals:
@@ -115,9 +131,23 @@ class ResponseFit:
         return self.model.values[list(self.model.estimated)]
 
     @property
+    def states(self) -> int:
+        """Numbers of the initial state."""
+        return sum(map(len, self._state))
+
+    @property
+    def information(self) -> Information:
+        """On the unknowns and the initial state; alternatives are as stated."""
+        return self.tested.without(range(len(self.model.estimated), self._begin_of_states))
+
+    @property
     def unknowns(self) -> Information:
-        """What the record says about the unknowns, whatever its initial state was."""
-        return self.information.marginalised(range(len(self.model.estimated)))
+        """On the unknowns and the alternatives, whatever the initial state was."""
+        return self.tested.marginalised(range(self._begin_of_states))
+
+    @property
+    def _begin_of_states(self) -> int:
+        return len(self.model.estimated) + len(self.alternatives)
 
     def advance(self, record: MotionRecord, first: int, end: int) -> Deviation:
         """
@@ -159,7 +189,11 @@ class ResponseFit:
         whole = np.concatenate((motion, following[np.newaxis]))
         hidden = np.vstack((varied.hidden, simulation.hidden))
         self._response.time = float(record.time[first])
-        derivatives = self._response.advance(whole[:, 0], whole[:, 1], whole[:, 2], hidden=hidden)
+        course = self._course(whole, record, first, low, high)
+        derivatives = self._response.advance(
+            whole[:, 0], whole[:, 1], whole[:, 2], disturbances(self.alternatives, course), hidden
+        )
+        add_readings(derivatives, self.alternatives, course, len(self.model.estimated))
         if not np.abs(derivatives).max(initial=0.0) < LARGEST_DERIVATIVE:
             raise MachineError(
                 f'machine {self.model.machine.name}: a small change of the unknowns grows without '
@@ -167,21 +201,49 @@ class ResponseFit:
             )
         measured = record.displacement, record.velocity, record.acceleration
         parts = []
+        energy = 0.0
+        about = motion - motion.mean(axis=0)
         for begin, stop, matrices in self._weights.whitening(record, first, end):
             blocks, targets = [], []
             for kind, matrix in matrices:
                 place = slice(first + begin, first + stop)
                 targets.append((measured[kind][place] - motion[begin:stop, kind]) @ matrix.T)
                 blocks.append(np.matmul(matrix, derivatives[begin:stop, kind]))
+                energy += float(((about[begin:stop, kind] @ matrix.T) ** 2).sum())
             parts.append((np.concatenate(targets, axis=1), np.concatenate(blocks, axis=1)))
-        deviation = Deviation(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-        valid = np.isfinite(deviation.values).all(axis=1)
+        values, table = (np.concatenate(part) for part in zip(*parts, strict=True))
+        valid = np.isfinite(values).all(axis=1)
         if valid.any():
-            regressor = deviation.derivatives[valid].reshape(-1, self.information.size)
-            self.information = self.information.with_rows(
-                regressor, deviation.values[valid].reshape(-1)
-            )
-        return deviation
+            regressor = table[valid].reshape(-1, self.tested.size)
+            self.tested = self.tested.with_rows(regressor, values[valid].reshape(-1))
+        unknowns = len(self.model.estimated)
+        fitted = np.delete(table, slice(unknowns, self._begin_of_states), axis=2)
+        return Deviation(values, fitted, energy / values.size)
+
+    def _course(
+        self, whole: Reals, record: MotionRecord, first: int, low: int, high: int
+    ) -> Course:
+        """Give a simulated stretch and the following instant to what is tested."""
+        interval = 1 / self._rate
+        place = slice(first - low, first - low + len(whole))
+        force = record.force[low:high]
+        slopes = slope(force, interval)[place]
+        return Course(self.model, whole, force[place], slopes, interval)
+
+    def padded(self, difference: Reals) -> Reals:
+        """
+        Complete a difference by the alternatives, which stay as stated.
+
+        Parameters
+        ----------
+        difference : ndarray, shape (n_unknowns,) or (n_unknowns + n_states,)
+
+        Returns
+        -------
+        ndarray, shape (n_unknowns + n_alternatives + ...,)
+
+        """
+        return padded(difference, len(self.model.estimated), len(self.alternatives))
 
     def carried_on(self, earlier: Information) -> 'ResponseFit':
         """
@@ -192,25 +254,28 @@ class ResponseFit:
         Parameters
         ----------
         earlier : Information
-            What else is known of the unknowns, on differences from the present values.
+            What else is known of the unknowns and alternatives, on differences from the present
+            values.
 
         Returns
         -------
         ResponseFit
 
         """
-        known = joined(self.information, earlier)
-        size, unknowns = known.size, len(self.model.estimated)
+        known = joined(self.tested, earlier)
+        size, begin = known.size, self._begin_of_states
+        tested = range(len(self.model.estimated), begin)
         # New state = effect of the unknowns and of the old state + an error next to nothing.
         effect = self._effect
-        variance = np.einsum('ij,jk,ik->i', effect, known.solve().inverse, effect)
+        fitted = np.delete(effect, tested, axis=1)
+        variance = np.einsum('ij,jk,ik->i', fitted, known.without(tested).solve().inverse, fitted)
         error = CARRIED_ERROR * np.sqrt(np.where(variance > 0, variance, 1.0))
         rows = np.column_stack((-effect, np.eye(len(effect)))) / error[:, np.newaxis]
         empty = Information.empty(size + len(effect))
         whole = joined(empty, known).with_rows(rows, np.zeros(len(effect)))
-        kept = [*range(unknowns), *range(size, whole.size)]
+        kept = [*range(begin), *range(size, whole.size)]
         following = ResponseFit(self.model, self._weights, self._rate, self._state)
-        following.information = whole.marginalised(kept)
+        following.tested = whole.marginalised(kept)
         return following
 
     def begun_at(self, difference: Reals) -> 'ResponseFit':
@@ -250,9 +315,9 @@ class ResponseFit:
 
         """
         count = len(unknowns)
-        table = self.information.factor
+        table = self.tested.factor
         target = table[:, -1] - table[:, :count] @ unknowns
-        states = table[:, count:-1]
+        states = table[:, self._begin_of_states : -1]
         lengths = np.linalg.norm(states, axis=0)
         lengths[lengths == 0] = 1.0
         state = np.linalg.lstsq(states / lengths, target, rcond=1e-11)[0] / lengths
@@ -311,19 +376,38 @@ class ResponseFit:
         values[list(self.model.estimated)] += difference[:unknowns]
         self.model = self.model.with_values(values)
         self.initial_state = self.moved_start(difference)
-        self._state = self._moved(self._state, self._effect @ difference)
+        whole = self.padded(difference)
+        self._state = self._moved(self._state, self._effect @ whole)
         self._response.use(self.model)
-        self.information = self.information.shifted(difference)
+        self.tested = self.tested.shifted(whole)
 
     @property
     def _effect(self) -> Reals:
-        """Derivatives of the present state, shape (n_states, n_unknowns + n_states)."""
+        """Derivatives of the present state, one column each of `tested`."""
         return np.concatenate((*self._response.present, self._response.present_hidden))
 
     def _moved(self, state: State, change: Reals) -> State:
         n = len(state[0])
         hidden = np.clip(state[2] + change[2 * n :], -self._farthest, self._farthest)
         return state[0] + change[:n], state[1] + change[n : 2 * n], hidden
+
+
+def padded(difference: Reals, unknowns: int, alternatives: int) -> Reals:
+    """
+    Complete a difference by that of alternatives, which is zero.
+
+    Parameters
+    ----------
+    difference : ndarray, shape (n_unknowns + ...,)
+    unknowns, alternatives : int
+
+    Returns
+    -------
+    ndarray, shape (n_unknowns + n_alternatives + ...,)
+
+    """
+    nothing = np.zeros(alternatives)
+    return np.concatenate((difference[:unknowns], nothing, difference[unknowns:]))
 
 
 def joined(information: Information, other: Information) -> Information:

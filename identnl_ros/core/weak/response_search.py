@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 
 from identnl_ros.core.algebra.information import Information, Solution
 from identnl_ros.core.errors import MachineError
+from identnl_ros.core.estimation.alternatives import alternatives_of
 from identnl_ros.core.estimation.residual_statistics import ResidualStatistics
 from identnl_ros.core.measurement.motion_record import MotionRecord
 from identnl_ros.core.measurement.motion_weights import MotionWeights
 from identnl_ros.core.mechanics.model import Model
-from identnl_ros.core.weak.response_fit import FORCE_MARGIN, ResponseFit, State
+from identnl_ros.core.weak.response_fit import FORCE_MARGIN, padded, ResponseFit, State
 from identnl_ros.core.weak.weighting_function import WeightingFunction
 import numpy as np
 from numpy.typing import NDArray
@@ -253,7 +254,9 @@ def _at(present: Model, start: Model, known: Information | None) -> Information 
     """Express what is known about other values."""
     unknowns = list(start.estimated)
     offset = present.values[unknowns] - start.values[unknowns]
-    return None if known is None else known.shifted(offset)
+    if known is None:
+        return None
+    return known.shifted(padded(offset, len(unknowns), known.size - len(unknowns)))
 
 
 def _from_beginnings(
@@ -268,7 +271,8 @@ def _from_beginnings(
         # A short beginning does not tell all unknowns: the values to start from count too.
         sizes = START_ERROR * np.abs(start.values[list(start.estimated)])
         roots = np.diag(np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0))
-        known = Information.empty(len(sizes)).with_rows(roots, np.zeros(len(sizes)))
+        rows = np.column_stack((roots, np.zeros((len(sizes), len(alternatives_of(start))))))
+        known = Information.empty(rows.shape[1]).with_rows(rows, np.zeros(len(sizes)))
     model = start
     longest = max(one.end - one.first for one in records)
     length = SHORTEST_BEGINNING * max(one.first for one in records)
@@ -306,17 +310,19 @@ class _Task:
                 if share < 1:
                     statistics.discount(share)
                     for earlier in fits:
-                        earlier.information = earlier.information.discounted(share)
+                        earlier.tested = earlier.tested.discounted(share)
                 deviation = fit.advance(one.record, first, end)
-                statistics.add(deviation.values, one.weights.places)
-        cost = sum(float((fit.information.factor[:, -1] ** 2).sum()) for fit in fits)
+                statistics.add(deviation.values, one.weights.places, deviation.energy)
+        cost = sum(float((fit.tested.factor[:, -1] ** 2).sum()) for fit in fits)
         total = joint_information(fits)
         if self.prior is not None:
-            unknowns = list(model.estimated)
-            prior = self.prior.shifted(model.values[unknowns] - self.start.values[unknowns])
+            prior = _at(model, self.start, self.prior)
+            assert prior is not None
             cost += float((prior.factor[:, -1] ** 2).sum())
             total = total.merged(prior)
-        return _Point(model, fits, statistics, cost, total.solve())
+        unknowns = len(model.estimated)
+        solution = total.without(range(unknowns, total.size)).solve()
+        return _Point(model, fits, statistics, cost, solution)
 
 
 def remembered(memory: float | None, samples: int, sample_rate: float) -> float:
@@ -372,7 +378,7 @@ def joint_information(fits: Sequence[ResponseFit]) -> Information:
     Returns
     -------
     Information
-        On differences of the unknowns from those values.
+        On differences of the unknowns from those values, and on the alternatives.
 
     """
     total = fits[0].unknowns
@@ -416,7 +422,7 @@ def _steps_within(point: _Point, of_deviations: float, of_values: float) -> bool
     solution = point.solution
     values = np.abs(point.model.values[list(point.model.estimated)])
     deviations = np.sqrt(np.maximum(np.diag(solution.inverse), 0.0))
-    freedom = max(sum(fit.information.rows for fit in point.fits), 1.0)
+    freedom = max(sum(fit.tested.rows for fit in point.fits), 1.0)
     # Perfect sensors: the residual says how exact the values are, not the assumed noise.
     exactness = min(1.0, float(np.sqrt(solution.residual_squares / freedom)))
     deviations *= exactness
@@ -424,7 +430,7 @@ def _steps_within(point: _Point, of_deviations: float, of_values: float) -> bool
     if np.all(steps <= of_values * values):
         return True
     # What the step will gain counts the initial states too, which may have far to go.
-    fitted = len(steps) + sum(fit.information.size - len(steps) for fit in point.fits)
+    fitted = len(steps) + sum(fit.states for fit in point.fits)
     gain = point.cost - solution.residual_squares
     return bool(
         np.all((steps <= of_deviations * deviations) | (steps <= of_values * values))

@@ -7,13 +7,21 @@ from dataclasses import replace
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.estimation.estimate import Estimate
-from identnl_ros.core.estimation.judged_estimate import judged_estimate, Verdict, verdict_on
+from identnl_ros.core.estimation.judged_estimate import (
+    FALSE_ALARM_RATE,
+    judged_estimate,
+    NOT_HELD,
+    Verdict,
+    verdict_on,
+)
+from identnl_ros.core.estimation.score_tests import contradiction, ScoreTest
 from identnl_ros.core.estimation.unknowns import (
     nothing_yet,
     require_coordinates,
     require_same_unknowns,
     require_unknowns,
 )
+from identnl_ros.core.estimation.unseen_errors import unseen_errors, unseen_note
 from identnl_ros.core.measurement.blocks import MotionBlock
 from identnl_ros.core.measurement.continuity import Arrival, StreamFollower
 from identnl_ros.core.measurement.motion_record import records_of
@@ -107,6 +115,7 @@ class WeakIdentifier:
             )
         return WeakState(
             recursion.information,
+            recursion.tested,
             recursion.values,
             recursion.statistics.tables,
             recursion.statistics.average,
@@ -206,15 +215,19 @@ class WeakIdentifier:
         information = recursion.information
         solution = information.solve()
         freedom = max(information.rows - information.size, 1.0)
-        verdict = verdict_on(recursion.statistics, recursion.fitted, recursion.force_noise)
+        force_noise = recursion.force_noise
+        verdict = self._verdict(recursion)
+        if recursion.perfect:
+            # The weights are not those of the noise: the residual says how exact the values are.
+            variance = max(verdict.variance, solution.residual_squares / freedom)
+            verdict = replace(verdict, variance=variance)
+            force_noise = replace(
+                force_noise, variance_share=force_noise.variance_share / variance
+            )
         if recursion.changing and not verdict.doubt:
             verdict = replace(verdict, doubt=CHANGING)
-        if recursion.perfect:
-            # Nothing is perfect to the last digit: no doubt about the model from that.
-            variance = max(1.0, solution.residual_squares / freedom)
-            verdict = Verdict(variance, '', '')
         model = recursion.model
-        return judged_estimate(
+        estimate = judged_estimate(
             self.estimator,
             [model.parameters[i] for i in model.estimated],
             recursion.values + solution.values,
@@ -226,8 +239,27 @@ class WeakIdentifier:
             * (PERFECT if recursion.perfect else 1.0),
             failure=recursion.failure,
             remarks=self._remarks(recursion),
-            force_noise=recursion.force_noise,
+            force_noise=force_noise,
         )
+        if recursion.failure or verdict.doubt:
+            return estimate
+        errors = unseen_errors(recursion.tests, estimate, model, FALSE_ALARM_RATE / 2)
+        note = unseen_note(errors, model)
+        return replace(estimate, notes=(*estimate.notes, note)) if note else estimate
+
+    def tests(self) -> tuple[ScoreTest, ...]:
+        """
+        Test what may be wrong in machine or layout with all data so far.
+
+        Returns
+        -------
+        tuple of ScoreTest
+            None of them while there is no start.
+
+        """
+        recursion = deepcopy(self._recursion)
+        recursion.finish(self.follower.ended or not recursion.tried)
+        return recursion.tests if recursion.started else ()
 
     def simulated_model(self) -> Model | None:
         """
@@ -242,6 +274,22 @@ class WeakIdentifier:
         recursion = deepcopy(self._recursion)
         recursion.finish()
         return None if recursion.weighed is None else recursion.model
+
+    def _verdict(self, recursion: Recursion) -> Verdict:
+        """Judge the residual as a whole and by what may be wrong; each has half the alarms."""
+        rate = FALSE_ALARM_RATE / 2
+        verdict = verdict_on(
+            recursion.statistics,
+            recursion.fitted,
+            recursion.force_noise,
+            perfect=PERFECT if recursion.perfect else None,
+            false_alarm_rate=rate,
+        )
+        contradicted = contradiction(recursion.tests, rate, recursion.model)
+        if not contradicted:
+            return verdict
+        doubt = f'{contradicted} {verdict.doubt or NOT_HELD}'
+        return replace(verdict, doubt=doubt, remark='')
 
     def _remarks(self, recursion: Recursion) -> list[str]:
         remarks = []

@@ -19,9 +19,11 @@ class WeakState:
     ----------
     information : Information
         On the differences of the unknowns from `values`, initial states eliminated.
+    tested : Information or None
+        On these and on the alternatives to the model, see `alternatives`.
     values : ndarray, shape (n_unknowns,)
         At which the machine was simulated [SI].
-    statistics : ndarray, shape (2, 3, n_channels)
+    statistics : ndarray, shape (2, 5, n_channels)
         Of the residuals, see `ResidualStatistics.tables`.
     average : int
         Samples over which they are averaged.
@@ -47,6 +49,7 @@ class WeakState:
     """
 
     information: Information
+    tested: Information | None
     values: NDArray[np.float64]
     statistics: NDArray[np.float64]
     average: int

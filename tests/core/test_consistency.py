@@ -229,7 +229,7 @@ def test_factors_are_unbiased_with_true_standard_deviations():
             noise**2 * (chunk.power[bands, 1:] / chunk.power[bands, :1])[:, setup.orders],
             chunk.valid,
         )
-        search = Contradictions(setup, sums, 0.03)
+        search = Contradictions(setup, sums, 0.03, 5.0)
         search.used = np.array([True, True, False, True])
         search.comparison = search.compare(search.used)
         gains = search.gains()

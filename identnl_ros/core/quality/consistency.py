@@ -176,7 +176,9 @@ class Consistency:
         power = sum(chunk.power for chunk in self._chunks)
         segments = sum(len(chunk.means) for chunk in self._chunks)
         every = self._sums(np.asarray(products), np.asarray(power), segments, noise, valid)
-        search = Contradictions(self._redundancy, _part(every, slice(0, bands)), self._tolerance)
+        search = Contradictions(
+            self._redundancy, _part(every, slice(0, bands)), self._tolerance, self._significant
+        )
         self._gains = search.gains()
         shown, right = wrong_factors(
             search, self._redundancy.kinds, self._sentences, self._significant, self._tolerance

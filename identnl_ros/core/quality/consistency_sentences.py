@@ -77,10 +77,16 @@ class Sentences:
 
         """
         name = self._sensors[other].name
-        doubt = ' (or both have the wrong polarity)' if both_inverted else ''
+        own = self._sensors[channel].name
+        if both_inverted:
+            return (
+                f'{own}: exchanged with {name}, or {own} and {name} both have the wrong polarity: '
+                'the readings fit both; compare the cables with the layout, or repeat with motion '
+                'of more frequencies or directions'
+            )
         return (
-            f'{self._sensors[channel].name}: has the readings of {name}, and {name} has its'
-            f'{doubt}: the two are exchanged; exchange the cables, or the columns in the layout'
+            f'{own}: has the readings of {name}, and {name} has its: the two are exchanged; '
+            'exchange the cables, or the columns in the layout'
         )
 
     def hum(self, channel: int, lines: Mapping[float, float], rivals: Sequence[int]) -> str:

@@ -5,6 +5,7 @@
 from dataclasses import dataclass
 
 from identnl_ros.core.quality.consistency_spectra import CORRELATED
+from identnl_ros.core.quality.equal_pairs import pair_drops
 from identnl_ros.core.quality.leave_one_out import Flags, leave_one_out, LeaveOneOut, Reals
 from identnl_ros.core.quality.redundancy import EQUAL_SHARE, Redundancy
 import numpy as np
@@ -22,6 +23,10 @@ NOTICED = 8.0
 MISMATCHES = 4.0
 # Bands in which a prediction has this many times the power of its noise show motion.
 POWER_OVER_NOISE = 10.0
+# Below it a factor does not describe what differs; it may be noise, or change within the stretch.
+LEAST_COHERENCE = 0.7
+# Share of the contradiction that may remain if two channels are exchanged.
+EXCHANGED = 0.1
 # Difference of evidence between two channels, as a log likelihood, below which both are named.
 EQUAL_EVIDENCE = 30.0
 
@@ -108,13 +113,91 @@ class Gains:
     high: Reals
     coherence: Reals
 
+    def limit(self, significant: float) -> Reals:
+        """
+        Give the errors of the factors that noise and mismatch explain.
+
+        Parameters
+        ----------
+        significant : float
+            Standard deviations of noise.
+
+        Returns
+        -------
+        ndarray, shape (n_channels,)
+
+        """
+        noise, mismatch = significant * self.standard_deviation, MISMATCHES * self.uncertainty
+        return np.asarray(np.hypot(noise, mismatch))
+
+    def wrong(self, significant: float, tolerance: float) -> Flags:
+        """
+        Tell which factors are off by more than the tolerance, whatever noise and mismatch did.
+
+        Parameters
+        ----------
+        significant, tolerance : float
+
+        Returns
+        -------
+        ndarray of bool, shape (n_channels,)
+
+        """
+        limit = self.limit(significant)
+        return np.asarray((self.low - limit > 1 + tolerance) | (self.high + limit < 1 - tolerance))
+
+    def weight(self) -> Reals:
+        """Twice the log likelihood that a factor other than one gains, shape (n_channels,)."""
+        variance = self.standard_deviation**2 + self.uncertainty**2
+        with np.errstate(divide='ignore', invalid='ignore'):
+            return np.asarray(np.nan_to_num((self.value - 1) ** 2 / variance, posinf=0.0))
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """
+    Evidence against two channels that remains under explanations.
+
+    Parameters
+    ----------
+    before, exchanged, inverted, scaled : float
+        Under none; each has the readings of the other; both have the wrong sign; each has the
+        factor that fits best.
+    margin : float
+        Differences below it are of noise or an inexact layout.
+
+    """
+
+    before: float
+    exchanged: float
+    inverted: float
+    scaled: float
+    margin: float
+
+    @property
+    def share(self) -> float:
+        """What remains if they are exchanged, of what there is; 1 where there is nothing."""
+        return self.exchanged / self.before if self.before > 0 else 1.0
+
+    @property
+    def likely(self) -> bool:
+        """Factors do not explain more."""
+        return self.share < EXCHANGED and self.exchanged < self.scaled + self.margin
+
+    @property
+    def may_be_inverted(self) -> bool:
+        """Two wrong signs explain as much."""
+        return self.inverted < self.exchanged + self.margin
+
 
 class Contradictions:
     """
     Leaves out channels until the rest agrees.
 
     Forward selection by the largest drop of the log likelihood (the largest normalised residual,
-    Baarda 1968); a channel that the rest then finds to be right is taken back.
+    Baarda 1968); a channel that the rest then finds to be right is taken back. If a pair explains
+    everything, it replaces what was left out one after the other. Then channels follow whose
+    factor alone is wrong: all the motion speaks of it, the noise of other frequencies does not.
 
     Parameters
     ----------
@@ -122,16 +205,21 @@ class Contradictions:
     sums : BandSums
     tolerance : float
         Relative errors that are no fault.
+    significant : float
+        Standard deviations of the noise that a factor must be off by, beyond the tolerance.
 
     """
 
-    def __init__(self, redundancy: Redundancy, sums: BandSums, tolerance: float) -> None:
+    def __init__(
+        self, redundancy: Redundancy, sums: BandSums, tolerance: float, significant: float
+    ) -> None:
         self._rows = redundancy.rows
         self.sums = sums
         self._tolerance = tolerance
+        self._significant = significant
         self.motion = motion_at_sensors(redundancy, sums)
         self._variance = np.maximum(sums.noise + USUAL_MISMATCH**2 * self.motion, TINY)
-        self._groups = redundancy.groups(redundancy.rows)
+        self._groups = redundancy.sets
         self.used = sums.valid.copy()
         self.comparison = self.compare(self.used)
         most = self._most_left_out(self.comparison)
@@ -155,9 +243,73 @@ class Contradictions:
             if excess[weakest] > 1:
                 break
             left_out.remove(weakest)
-            self.used[weakest] = True
+            self._use(weakest, True)
+        self._alternatives: dict[int, list[tuple[int, int]]] = {}
+        for group in np.unique(self._groups[left_out]):
+            left_out = self._paired(left_out, int(group))
+        self._factors = self._wrong_factors(most, left_out)
+        self.left_out = (*left_out, *self._factors)
+
+    def _use(self, channel: int, used: bool) -> None:
+        self.used[channel] = used
+        self.comparison = self.compare(self.used)
+
+    def _paired(self, left_out: list[int], group: int) -> list[int]:
+        """Let a pair take the place of what is left out of a group, if it explains as much."""
+        own = [one for one in left_out if self._groups[one] == group]
+        if len(own) < 2:
+            return left_out
+        whole = self.used.copy()
+        whole[own] = True
+        found = self.compare(whole)
+        among = whole & (self._groups == group)
+        drops = pair_drops(found.fit, self._variance, self.sums, among)
+        best = tuple(int(one) for one in np.unravel_index(np.argmax(drops), drops.shape))
+        if set(best) != set(own):
+            used, comparison = self.used, self.comparison
+            self.used = whole.copy()
+            self.used[list(best)] = False
             self.comparison = self.compare(self.used)
-        self.left_out = tuple(left_out)
+            evidence = self._evidence(self.comparison)
+            if not drops[best] > 0 or _largest(evidence, self.used & among):
+                self.used, self.comparison = used, comparison
+                return left_out
+        margin = self._margin(found, np.asarray(best), float(drops[best]))
+        self._alternatives[group] = [
+            (int(one), int(other))
+            for one, other in np.argwhere(np.triu(drops > drops[best] - margin))
+            if {int(one), int(other)} != set(best)
+        ]
+        return [one for one in left_out if one not in own] + list(best)
+
+    def _margin(self, found: Comparison, channels: NDArray[np.int64], largest: float) -> float:
+        """Difference of evidence that tells nothing."""
+        expected = self.sums.counts[:, np.newaxis] * found.mismatch / found.fit.variance
+        usual = self.mismatch(self.comparison) ** 2 * expected.sum(axis=0)
+        return max(
+            EQUAL_EVIDENCE * CORRELATED, EQUAL_SHARE * largest, 9 * float(usual[channels].sum())
+        )
+
+    def _wrong_factors(self, most: dict[int, int], left_out: list[int]) -> list[int]:
+        """Leave out channels that noise hides unless the motion alone is looked at."""
+        factors: list[int] = []
+        while True:
+            gains = self.gains()
+            suspect = self.used & (gains.coherence > LEAST_COHERENCE)
+            suspect &= gains.wrong(self._significant, self._tolerance)
+            weight = np.where(suspect, gains.weight(), 0.0)
+            new = [
+                best
+                for group, limit in most.items()
+                for best in _largest(weight, self._groups == group)
+                if sum(self._groups[one] == group for one in left_out + factors) < limit
+            ]
+            if not new:
+                break
+            factors += new
+            self.used[new] = False
+            self.comparison = self.compare(self.used)
+        return factors
 
     def compare(self, used: Flags) -> Comparison:
         """
@@ -216,9 +368,9 @@ class Contradictions:
             np.maximum(np.maximum(largest, (self._tolerance / 2) ** 2 * own.sum(axis=0)), TINY)
         )
 
-    def rivals(self, channel: int) -> tuple[int, ...]:
+    def explanations(self, channel: int) -> tuple[tuple[int, ...], ...]:
         """
-        Name the channels that could as well be the wrong one.
+        Name what could be left out instead of a channel.
 
         Parameters
         ----------
@@ -227,34 +379,65 @@ class Contradictions:
 
         Returns
         -------
-        tuple of int
+        tuple of tuple of int
+            Each: all that is then left out.
 
         """
         used = self.used.copy()
         used[channel] = True
         found = self.compare(used)
-        evidence = self.excess(found)
-        expected = self.sums.counts[:, np.newaxis] * found.mismatch / found.fit.variance
-        margin = max(
-            EQUAL_EVIDENCE * CORRELATED,
-            EQUAL_SHARE * evidence[channel],
-            9 * float((self.mismatch(self.comparison) ** 2 * expected.sum(axis=0))[channel]),
-        )
+        if channel in self._factors:
+            evidence = self.gains(found).weight()
+            margin = max(self._significant**2, EQUAL_SHARE * float(evidence[channel]))
+        else:
+            evidence = self.excess(found)
+            margin = self._margin(found, np.array([channel]), float(evidence[channel]))
         near = used & (self._groups == self._groups[channel])
         near &= found.fit.told & (evidence > evidence[channel] - margin)
         near[channel] = False
-        return tuple(int(one) for one in np.flatnonzero(near))
+        others = [one for one in self.left_out if one != channel]
+        result = [(*others, int(one)) for one in np.flatnonzero(near)]
+        group = int(self._groups[channel])
+        beside = [one for one in self.left_out if self._groups[one] != group]
+        beside += [one for one in self._factors if self._groups[one] == group]
+        for pair in self._alternatives.get(group, []):
+            if channel not in (*pair, *self._factors):
+                result.append((*beside, *pair))
+        return tuple(dict.fromkeys(tuple(sorted(one)) for one in result))
 
-    def gains(self) -> Gains:
+    def without(self, channels: tuple[int, ...]) -> Comparison:
         """
-        Estimate factors against the channels that agree.
+        Compare every channel with all valid ones but some.
+
+        Parameters
+        ----------
+        channels : tuple of int
+
+        Returns
+        -------
+        Comparison
+
+        """
+        used = self.sums.valid.copy()
+        used[list(channels)] = False
+        return self.compare(used)
+
+    def gains(self, found: Comparison | None = None) -> Gains:
+        """
+        Estimate factors against what other channels say.
+
+        Parameters
+        ----------
+        found : Comparison or None
+            None: with the channels that agree.
 
         Returns
         -------
         Gains
 
         """
-        found, counts = self.comparison, self.sums.counts[:, np.newaxis]
+        found = found or self.comparison
+        counts = self.sums.counts[:, np.newaxis]
         own = self.sums.noise
         both = found.noise
         # A channel that predicts does not predict itself: the errors' noise is its own and theirs.
@@ -285,9 +468,9 @@ class Contradictions:
             deviation, uncertain, ends.min(axis=0), ends.max(axis=0), coherence,
         )  # fmt: skip
 
-    def exchange(self, one: int, other: int) -> float:
+    def exchange(self, one: int, other: int) -> Exchange:
         """
-        Tell what of the contradiction remains if two channels are exchanged.
+        Tell what of the contradiction of two channels remains under three explanations.
 
         Parameters
         ----------
@@ -295,27 +478,33 @@ class Contradictions:
 
         Returns
         -------
-        float
-            Share; 1 where nothing can be said.
+        Exchange
 
         """
-        found, counts = self.comparison, self.sums.counts
-        remaining = before = 0.0
+        found, counts, gains = self.comparison, self.sums.counts, self.gains()
+        before = exchanged = inverted = scaled = 0.0
         for first, second in ((one, other), (other, one)):
             weight = 1 / found.fit.variance[:, first]
-            noise = self.sums.noise[:, first] + np.clip(
-                found.noise[:, second] - self.sums.noise[:, second], 0.0, None
+            read, own = found.read[:, first], self.sums.noise[:, first]
+            theirs = np.clip(found.noise - self.sums.noise, 0.0, None)
+
+            def left(
+                agreement: Reals, predicted: Reals, factor: float, noise: Reals,
+                weight: Reals = weight, read: Reals = read, own: Reals = own,
+            ) -> float:  # fmt: skip
+                error = read - 2 * factor * agreement + factor**2 * predicted
+                return float((weight * (error - counts * (own + factor**2 * noise))).sum())
+
+            mine = found.agreement[:, first], found.predicted[:, first]
+            factor = float(np.nan_to_num(gains.value[first], nan=1.0))
+            before += left(*mine, 1.0, theirs[:, first])
+            inverted += left(*mine, -1.0, theirs[:, first])
+            scaled += left(*mine, factor, theirs[:, first])
+            exchanged += left(
+                found.cross[:, second, first], found.predicted[:, second], 1.0, theirs[:, second]
             )
-            error = (
-                found.read[:, first]
-                - 2 * found.cross[:, second, first]
-                + found.predicted[:, second]
-            )
-            remaining += float((weight * (error - counts * noise)).sum())
-            before += float(
-                (weight * (found.error[:, first] - counts * found.noise[:, first])).sum()
-            )
-        return remaining / before if before > 0 else 1.0
+        margin = EQUAL_EVIDENCE * CORRELATED + float(self.limit(found)[[one, other]].sum())
+        return Exchange(before, exchanged, inverted, scaled, margin)
 
     def _evidence(self, found: Comparison) -> Reals:
         """Excess of the channels that are candidates for leaving out; others 0."""

@@ -103,6 +103,8 @@ class Gains:
         Between which the factor is, whatever share of the differences is noise of either side.
     coherence : ndarray, shape (n_channels,)
         Squared, of reading and prediction.
+    response : ndarray, shape (n_channels, n_channels)
+        Change of the factor of the first per relative change of the second's readings.
 
     """
 
@@ -112,6 +114,7 @@ class Gains:
     low: Reals
     high: Reals
     coherence: Reals
+    response: Reals
 
     def limit(self, significant: float) -> Reals:
         """
@@ -370,7 +373,10 @@ class Contradictions:
 
     def explanations(self, channel: int) -> tuple[tuple[int, ...], ...]:
         """
-        Name what could be left out instead of a channel.
+        Name what explains the contradictions as well without blaming a channel.
+
+        The evidence is nearly as large, nothing is wrong any more with the channel, and what is
+        left out instead is wrong by what the rest then says.
 
         Parameters
         ----------
@@ -388,7 +394,7 @@ class Contradictions:
         found = self.compare(used)
         if channel in self._factors:
             evidence = self.gains(found).weight()
-            margin = max(self._significant**2, EQUAL_SHARE * float(evidence[channel]))
+            margin = max(2 * EQUAL_EVIDENCE, EQUAL_SHARE * float(evidence[channel]))
         else:
             evidence = self.excess(found)
             margin = self._margin(found, np.array([channel]), float(evidence[channel]))
@@ -403,7 +409,20 @@ class Contradictions:
         for pair in self._alternatives.get(group, []):
             if channel not in (*pair, *self._factors):
                 result.append((*beside, *pair))
-        return tuple(dict.fromkeys(tuple(sorted(one)) for one in result))
+        every = dict.fromkeys(tuple(sorted(one)) for one in result)
+        return tuple(one for one in every if self._explain(one, channel))
+
+    def _explain(self, left_out: tuple[int, ...], channel: int) -> bool:
+        """Tell whether all that is left out is wrong, and a channel is not."""
+        found = self.without(left_out)
+        gains = self.gains(found)
+        factor = gains.wrong(self._significant, self._tolerance)
+        factor &= gains.coherence > LEAST_COHERENCE
+        acquitted = (
+            not factor[channel] and self.excess(found)[channel] <= self.limit(found)[channel]
+        )
+        wrong = factor | (self._evidence(found) > 0)
+        return acquitted and bool(wrong[[*set(left_out) - set(self.left_out)]].all())
 
     def without(self, channels: tuple[int, ...]) -> Comparison:
         """
@@ -463,9 +482,11 @@ class Contradictions:
             deviation = np.sqrt(CORRELATED / 2 * spread) / motion
             uncertain = self.mismatch(found) * np.sqrt(total(counts * found.mismatch) / predicted)
             coherence = agreement**2 / (predicted * read)
+            response = np.einsum('bi,bij,bij->ij', weights, found.fit.errors, found.cross)
+            response /= motion[:, np.newaxis]
         return Gains(
             np.where(moves.any(axis=0), value, np.nan),
-            deviation, uncertain, ends.min(axis=0), ends.max(axis=0), coherence,
+            deviation, uncertain, ends.min(axis=0), ends.max(axis=0), coherence, response,
         )  # fmt: skip
 
     def exchange(self, one: int, other: int) -> Exchange:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is wrong with channels that contradict: sign, gain, or exchanged with another."""
 
+from collections.abc import Mapping
+
 from identnl_ros.core.quality.condition import Condition
 from identnl_ros.core.quality.consistency_sentences import Sentences
 from identnl_ros.core.quality.contradictions import Contradictions, Gains, LEAST_COHERENCE
@@ -25,6 +27,7 @@ def wrong_factors(
     sentences: Sentences,
     significant: float,
     tolerance: float,
+    standing: Mapping[Fault, float],
 ) -> tuple[dict[Fault, Said], set[Fault]]:
     """
     Classify what is left out.
@@ -39,12 +42,14 @@ def wrong_factors(
         Standard deviations of the noise that a factor must be off by, beyond
     tolerance : float
         which is no fault.
+    standing : mapping of Fault to float
+        Found before, their amounts.
 
     Returns
     -------
     dict of Fault to Said
     set of Fault
-        That channels do not have: their factors are known, and right.
+        Standing ones that channels do not have any more: their factors are known, and others.
 
     """
     gains = search.gains()
@@ -80,13 +85,20 @@ def wrong_factors(
             shown[suspect, said] = (value, '1', sentence)
     limit = gains.limit(significant)
     wrong = {channel for channel, _ in shown}
+    reach = limit + np.maximum(gains.high - gains.value, gains.value - gains.low)
     right = {
         (channel, condition)
-        for channel in np.flatnonzero(search.used & (limit < HEALTHY))
-        for condition in RELATED
-        if int(channel) not in wrong
+        for (channel, condition), amount in standing.items()
+        if condition in RELATED
+        and channel not in wrong
+        and search.used[channel]
+        and limit[channel] < HEALTHY
+        # A gain that long windows have found is not refuted by short ones that cannot see it.
+        and (
+            condition is not Condition.GAIN or abs(amount - gains.value[channel]) > reach[channel]
+        )
     }
-    return shown, {(int(channel), condition) for channel, condition in right}
+    return shown, right
 
 
 def _condition(

@@ -111,7 +111,7 @@ class Consistency:
         self._right: dict[Fault, int] = {}
         self._gains: Gains | None = None
         self._long = LongWindows(CHUNKS)
-        self._long_gains: Gains | None = None
+        self._least_limits = np.full((2, len(names)), np.inf)
         self._related: set[Fault] = set()
         self._seen_from: dict[Fault, int] = {}
 
@@ -146,6 +146,12 @@ class Consistency:
         """Judge the last samples of a stream too, that are less than what is judged together."""
         for chunk in self._spectra.finish():
             self._judge(chunk)
+        shown: dict[Fault, Said] = {}
+        right: set[Fault] = set()
+        for window in self._long.finish():
+            self._look_longer(window, shown, right)
+        if shown:
+            self._update(shown, right)
 
     def findings(self) -> tuple[Finding, ...]:
         """Faults that stand now, in the order of the channels."""
@@ -175,20 +181,24 @@ class Consistency:
 
         Infinite: none would be.
         """
-        return self._limits(self._gains)
+        if self._gains is None:
+            return self._by_name(np.full((2, len(self._layout.sensors)), np.inf))
+        return self._by_name(self._limits(self._gains))
 
     @property
-    def long_gain_limits(self) -> dict[str, tuple[float, float]]:
-        """The same for the longest window judged so far."""
-        return self._limits(self._long_gains or self._gains)
+    def least_gain_limits(self) -> dict[str, tuple[float, float]]:
+        """The same for the window of the stream so far, short or long, that tells most."""
+        return self._by_name(self._least_limits)
 
-    def _limits(self, gains: Gains | None) -> dict[str, tuple[float, float]]:
-        names = [sensor.name for sensor in self._layout.sensors]
-        if gains is None:
-            return dict.fromkeys(names, (np.inf, np.inf))
+    def _limits(self, gains: Gains) -> Reals:
         limits = gain_limits(gains, self._significant, self._tolerance)
-        pairs = zip(limits.found.tolist(), limits.named.tolist(), strict=True)
-        return dict(zip(names, pairs, strict=True))
+        return np.stack((limits.found, limits.named))
+
+    def _by_name(self, limits: Reals) -> dict[str, tuple[float, float]]:
+        return {
+            sensor.name: (float(found), float(named))
+            for sensor, (found, named) in zip(self._layout.sensors, limits.T, strict=True)
+        }
 
     def _judge(self, chunk: Chunk) -> None:
         self._chunks.append(chunk)
@@ -204,7 +214,6 @@ class Consistency:
         else:
             self._related = related
             self._long.restart()
-            self._long_gains = None
         self._update(shown, right)
 
     def _look_longer(
@@ -214,7 +223,6 @@ class Consistency:
         noise, valid = self._noise(window)
         search = self._search(self._sums(window, noise, valid))
         found, absent = self._factors(search)
-        self._long_gains = search.gains()
         wrong = {channel for channel, condition in shown if condition in RELATED}
         for fault, said in found.items():
             if fault[0] not in wrong and fault[1] is Condition.GAIN:
@@ -261,6 +269,8 @@ class Consistency:
         return Contradictions(self._redundancy, sums, self._tolerance, self._significant)
 
     def _factors(self, search: Contradictions) -> tuple[dict[Fault, Said], set[Fault]]:
+        limits = self._limits(search.gains())
+        self._least_limits = np.minimum(self._least_limits, limits)
         amounts = {fault: finding.amount for fault, finding in self._standing.items()}
         return wrong_factors(
             search, self._redundancy.kinds, self._sentences, self._significant, self._tolerance,

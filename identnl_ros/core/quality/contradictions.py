@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Channels that contradict the others: which to leave out, and by what factor they are wrong."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from identnl_ros.core.quality.consistency_spectra import CORRELATED
 from identnl_ros.core.quality.equal_pairs import pair_drops
@@ -10,6 +10,7 @@ from identnl_ros.core.quality.leave_one_out import Flags, leave_one_out, LeaveOn
 from identnl_ros.core.quality.redundancy import EQUAL_SHARE, Redundancy
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 # Errors of gain or direction that every stand has, relative to the motion at the sensor; they
 # limit what accurate channels may say about others.
@@ -21,6 +22,8 @@ LARGEST_SHARE = 1 / 3
 NOTICED = 8.0
 # Standard deviations of the mismatch that the data show.
 MISMATCHES = 4.0
+# Standard deviations between two estimates from noise alone: 99 %.
+REPEATED = float(np.sqrt(2) * norm.ppf(0.99))
 # Bands in which a prediction has this many times the power of its noise show motion.
 POWER_OVER_NOISE = 10.0
 # Below it a factor does not describe what differs; it may be noise, or change within the stretch.
@@ -103,6 +106,8 @@ class Gains:
         Between which the factor is, whatever share of the differences is noise of either side.
     coherence : ndarray, shape (n_channels,)
         Squared, of reading and prediction.
+    elsewhere : ndarray, shape (n_channels,)
+        What `uncertainty` may be in other data of the same length, with a probability of 99 %.
     response : ndarray, shape (n_channels, n_channels)
         Change of the factor of the first per relative change of the second's readings.
 
@@ -114,6 +119,7 @@ class Gains:
     low: Reals
     high: Reals
     coherence: Reals
+    elsewhere: Reals
     response: Reals
 
     def limit(self, significant: float) -> Reals:
@@ -294,24 +300,29 @@ class Contradictions:
         )
 
     def _wrong_factors(self, most: dict[int, int], left_out: list[int]) -> list[int]:
-        """Leave out channels that noise hides unless the motion alone is looked at."""
+        """
+        Leave out channels that noise hides unless the motion alone is looked at.
+
+        Noise tells whom to suspect; the mismatch must not explain it once the suspect does not
+        add to that of the others.
+        """
         factors: list[int] = []
-        while True:
-            gains = self.gains()
-            suspect = self.used & (gains.coherence > LEAST_COHERENCE)
-            suspect &= gains.wrong(self._significant, self._tolerance)
-            weight = np.where(suspect, gains.weight(), 0.0)
-            new = [
-                best
-                for group, limit in most.items()
-                for best in _largest(weight, self._groups == group)
-                if sum(self._groups[one] == group for one in left_out + factors) < limit
-            ]
-            if not new:
-                break
-            factors += new
-            self.used[new] = False
-            self.comparison = self.compare(self.used)
+        for group, limit in most.items():
+            count = limit - sum(self._groups[one] == group for one in left_out)
+            for _ in range(count):
+                gains = self.gains()
+                exact = replace(gains, uncertainty=np.zeros_like(gains.uncertainty))
+                suspect = self.used & (self._groups == group)
+                suspect &= exact.wrong(self._significant, self._tolerance)
+                suspect &= gains.coherence > LEAST_COHERENCE
+                best = _largest(gains.weight(), suspect)
+                if not best:
+                    break
+                self._use(best[0], False)
+                if not self.gains().wrong(self._significant, self._tolerance)[best[0]]:
+                    self._use(best[0], True)
+                    break
+                factors += best
         return factors
 
     def compare(self, used: Flags) -> Comparison:
@@ -335,19 +346,27 @@ class Contradictions:
         beyond = found.error - self.sums.counts[:, np.newaxis] * found.noise
         return np.asarray(np.where(found.fit.told, beyond / found.fit.variance, 0.0).sum(axis=0))
 
-    def own_mismatch(self, found: Comparison) -> Reals:
-        """Estimate each channel's error relative to the motion, shape (n_channels,)."""
+    def own_mismatch(self, found: Comparison, deviations: float = -1.0) -> Reals:
+        """
+        Estimate each channel's error relative to the motion, shape (n_channels,).
+
+        Standard deviations of the noise are added; by default one is taken off.
+        """
         counts = self.sums.counts[:, np.newaxis]
         # Where there is no motion, noise tells nothing of it.
         weights = np.where(found.fit.told, found.mismatch / found.fit.variance**2, 0.0)
         excess = (weights * (found.error - counts * found.noise)).sum(axis=0)
-        excess -= np.sqrt(CORRELATED * (counts * (weights * found.noise) ** 2).sum(axis=0))
+        noise = np.sqrt(CORRELATED * (counts * (weights * found.noise) ** 2).sum(axis=0))
+        excess += deviations * noise
         expected = (weights * counts * found.mismatch).sum(axis=0)
         return np.asarray(np.sqrt(np.clip(excess, 0.0, None) / np.maximum(expected, TINY)))
 
-    def mismatch(self, found: Comparison) -> Reals:
+    def mismatch(self, found: Comparison, repeated: float = 0.0) -> Reals:
         """
-        Estimate the usual relative error of each channel's group: the median.
+        Estimate the usual relative error of each channel's group: the median of `own_mismatch`.
+
+        Standard deviations of the median from noise may be added; there are as many independent
+        errors as the group has redundant channels.
 
         Channels that are left out count, so that leaving out the worst does not make the rest
         look better than it is.
@@ -358,6 +377,10 @@ class Contradictions:
             members = self._groups == group
             judged = members & self.sums.valid & found.fit.told
             if (judged & self.used).any():
+                if repeated:
+                    count = judged.sum() - np.linalg.matrix_rank(self._rows[judged])
+                    scatter = repeated * np.sqrt(np.pi / 2 / max(count, 1))
+                    every = self.own_mismatch(found, scatter - 1)
                 result[members] = np.median(every[judged])
         return result
 
@@ -480,13 +503,16 @@ class Contradictions:
             variance = (own * at_motion + value**2 * theirs * at_motion) * ratio
             spread = (weights**2 * found.predicted * variance).sum(axis=0)
             deviation = np.sqrt(CORRELATED / 2 * spread) / motion
-            uncertain = self.mismatch(found) * np.sqrt(total(counts * found.mismatch) / predicted)
+            share = np.sqrt(total(counts * found.mismatch) / predicted)
+            uncertain = self.mismatch(found) * share
+            elsewhere = self.mismatch(found, REPEATED) * share
             coherence = agreement**2 / (predicted * read)
             response = np.einsum('bi,bij,bij->ij', weights, found.fit.errors, found.cross)
             response /= motion[:, np.newaxis]
         return Gains(
             np.where(moves.any(axis=0), value, np.nan),
-            deviation, uncertain, ends.min(axis=0), ends.max(axis=0), coherence, response,
+            deviation, uncertain, ends.min(axis=0), ends.max(axis=0), coherence, elsewhere,
+            response,
         )  # fmt: skip
 
     def exchange(self, one: int, other: int) -> Exchange:

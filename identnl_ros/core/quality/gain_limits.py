@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Smallest wrong gain that data can tell, channel by channel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from identnl_ros.core.quality.contradictions import EQUAL_EVIDENCE, Gains
 from identnl_ros.core.quality.leave_one_out import Reals
@@ -56,6 +56,7 @@ def gain_limits(gains: Gains, significant: float, tolerance: float) -> GainLimit
     GainLimits
 
     """
+    gains = replace(gains, uncertainty=gains.elsewhere)
     quantile = float(norm.ppf(POWER))
     deviation = np.hypot(gains.standard_deviation, gains.uncertainty)
     with np.errstate(divide='ignore', invalid='ignore'):

@@ -134,3 +134,21 @@ class LongWindows:
             if len(parts) > 1:
                 windows.append(together(parts))
         return windows
+
+    def finish(self) -> list[StretchSums]:
+        """
+        Take what there is, at the end of a stream.
+
+        Returns
+        -------
+        list of StretchSums
+            The longest window, up to the newest chunk, if it has not been given out.
+
+        """
+        rest: list[StretchSums] = []
+        longest: list[StretchSums] = []
+        for gathered, parts in zip(self._gathered, self._parts, strict=True):
+            rest = gathered + rest
+            if parts or gathered:
+                longest = [*parts, *rest]
+        return [together(longest)] if rest and len(longest) > 1 else []

@@ -83,6 +83,9 @@ class QualitySummary:
         Missing between blocks; blocks that came again or late, or from a second source.
     findings : tuple of Finding
         All faults so far, one for every channel and condition.
+    gain_limits : dict of str to (float, float)
+        Relative error of every checked channel's gain that would have been found, and named
+        alone, with a probability of 99 %; infinite: none. Empty without a model.
 
     """
 
@@ -92,6 +95,7 @@ class QualitySummary:
     repeated_blocks: int
     foreign_blocks: int
     findings: tuple[Finding, ...]
+    gain_limits: dict[str, tuple[float, float]]
 
 
 class QualityMonitor:
@@ -244,6 +248,7 @@ class QualityMonitor:
             repeated_blocks=self.follower.repeated_blocks,
             foreign_blocks=self.follower.foreign_blocks,
             findings=(*self._record.findings(), *self._inconsistencies.values()),
+            gain_limits=self._gain_limits(),
         )
 
     def _begin(self) -> None:
@@ -351,6 +356,13 @@ class QualityMonitor:
 
     def _inconsistent(self) -> tuple[Finding, ...]:
         return () if self._consistency is None else self._consistency.findings()
+
+    def _gain_limits(self) -> dict[str, tuple[float, float]]:
+        watch = self._consistency
+        if watch is None:
+            return {}
+        limits = watch.least_gain_limits
+        return {name: limits[name] for name, others in watch.checkable.items() if others}
 
     def _new_inconsistent(self) -> tuple[Finding, ...]:
         """Tell those that did not stand before."""

@@ -6,7 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from identnl_ros.core.measurement.layout import Layout, SensorKind
 from identnl_ros.core.quality.condition import Condition
+import numpy as np
 
+# Errors of a direction that one does not see when mounting a sensor [rad].
+LARGEST_TURN = float(np.radians(5.0))
 # Names in a list, before the rest is counted.
 MOST_NAMES = 3
 
@@ -31,6 +34,7 @@ class Sentences:
         factor: float,
         deviation: float,
         rivals: Sequence[int],
+        turned: float,
     ) -> str:
         """
         Describe a wrong sign or gain.
@@ -44,6 +48,8 @@ class Sentences:
             Reading over what the others say, its standard deviation.
         rivals : sequence of int
             Channels that could be the wrong one as well.
+        turned : float
+            Error of the sensor's direction that has the same effect [rad].
 
         Returns
         -------
@@ -58,6 +64,11 @@ class Sentences:
             return (
                 f'{seen}: polarity is inverted; change its direction in the layout or turn its '
                 'cable'
+            )
+        if turned < LARGEST_TURN:
+            return (
+                f'{seen}: the gain is wrong, or the direction by {np.degrees(turned):.0f} '
+                'degrees; check gain, unit, range and direction in the layout'
             )
         return f'{seen}: the gain is wrong; check gain, unit and range in the layout'
 

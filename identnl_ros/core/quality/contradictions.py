@@ -15,6 +15,8 @@ from scipy.stats import norm
 # Errors of gain or direction that every stand has, relative to the motion at the sensor; they
 # limit what accurate channels may say about others.
 USUAL_MISMATCH = 0.01
+# Error of a direction that is no fault [rad].
+DIRECTION_TOLERANCE = float(np.radians(1.0))
 # Largest number of channels left out, and share of the redundancy of a group.
 MOST_LEFT_OUT = 8
 LARGEST_SHARE = 1 / 3
@@ -108,6 +110,9 @@ class Gains:
         Squared, of reading and prediction.
     elsewhere : ndarray, shape (n_channels,)
         What `uncertainty` may be in other data of the same length, with a probability of 99 %.
+    lean : ndarray, shape (n_channels,)
+        Largest change of the factor per error of the sensor's direction [1/rad]: motion across
+        that goes with the motion along it.
     response : ndarray, shape (n_channels, n_channels)
         Change of the factor of the first per relative change of the second's readings.
 
@@ -120,6 +125,7 @@ class Gains:
     high: Reals
     coherence: Reals
     elsewhere: Reals
+    lean: Reals
     response: Reals
 
     def limit(self, significant: float) -> Reals:
@@ -141,7 +147,7 @@ class Gains:
 
     def wrong(self, significant: float, tolerance: float) -> Flags:
         """
-        Tell which factors are off by more than the tolerance, whatever noise and mismatch did.
+        Tell which factors are off by more than is no fault, whatever noise and mismatch did.
 
         Parameters
         ----------
@@ -152,8 +158,24 @@ class Gains:
         ndarray of bool, shape (n_channels,)
 
         """
-        limit = self.limit(significant)
-        return np.asarray((self.low - limit > 1 + tolerance) | (self.high + limit < 1 - tolerance))
+        limit, harmless = self.limit(significant), self.harmless(tolerance)
+        return np.asarray((self.low - limit > 1 + harmless) | (self.high + limit < 1 - harmless))
+
+    def harmless(self, tolerance: float) -> Reals:
+        """
+        Give the errors of the factors that are no fault: of gain, and of direction.
+
+        Parameters
+        ----------
+        tolerance : float
+            Of gain.
+
+        Returns
+        -------
+        ndarray, shape (n_channels,)
+
+        """
+        return np.asarray(np.hypot(tolerance, DIRECTION_TOLERANCE * self.lean))
 
     def weight(self) -> Reals:
         """Twice the log likelihood that a factor other than one gains, shape (n_channels,)."""
@@ -222,7 +244,7 @@ class Contradictions:
     def __init__(
         self, redundancy: Redundancy, sums: BandSums, tolerance: float, significant: float
     ) -> None:
-        self._rows = redundancy.rows
+        self._rows, self._nearby = redundancy.rows, redundancy.nearby
         self.sums = sums
         self._tolerance = tolerance
         self._significant = significant
@@ -378,8 +400,8 @@ class Contradictions:
             judged = members & self.sums.valid & found.fit.told
             if (judged & self.used).any():
                 if repeated:
-                    count = judged.sum() - np.linalg.matrix_rank(self._rows[judged])
-                    scatter = repeated * np.sqrt(np.pi / 2 / max(count, 1))
+                    left = (self._variance / found.fit.variance)[:, judged & self.used].sum(axis=1)
+                    scatter = repeated * np.sqrt(np.pi / 2 / max(float(left.min()), 1.0))
                     every = self.own_mismatch(found, scatter - 1)
                 result[members] = np.median(every[judged])
         return result
@@ -509,10 +531,15 @@ class Contradictions:
             coherence = agreement**2 / (predicted * read)
             response = np.einsum('bi,bij,bij->ij', weights, found.fit.errors, found.cross)
             response /= motion[:, np.newaxis]
+            seen = found.fit.fit @ self.sums.products @ np.swapaxes(found.fit.fit, 1, 2)
+            along, *across = (
+                total(((self._nearby[0] @ seen) * rows).sum(axis=2)) for rows in self._nearby
+            )
+            lean = np.hypot(*across) / along
         return Gains(
             np.where(moves.any(axis=0), value, np.nan),
             deviation, uncertain, ends.min(axis=0), ends.max(axis=0), coherence, elsewhere,
-            response,
+            np.nan_to_num(lean), response,
         )  # fmt: skip
 
     def exchange(self, one: int, other: int) -> Exchange:
@@ -626,9 +653,9 @@ def motion_at_sensors(redundancy: Redundancy, sums: BandSums) -> Reals:
     """
     fit = leave_one_out(redundancy.rows, np.maximum(sums.noise, TINY), sums.valid).fit
     coordinates = fit @ sums.products @ np.swapaxes(fit, 1, 2)
-    power = np.einsum(
-        'kip,bpq,kiq->bi', redundancy.nearby, coordinates, redundancy.nearby, optimize=True
-    )
+    rows = redundancy.nearby.reshape(-1, redundancy.nearby.shape[2])
+    power = ((rows @ coordinates) * rows).sum(axis=2)
+    power = power.reshape(len(power), len(redundancy.nearby), -1).sum(axis=1)
     return np.asarray(np.clip(power / sums.counts[:, np.newaxis], 0.0, None))
 
 

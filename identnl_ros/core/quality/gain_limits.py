@@ -38,10 +38,10 @@ def gain_limits(gains: Gains, significant: float, tolerance: float) -> GainLimit
     """
     Work out what a stretch of data could have shown.
 
-    A fault is told if tolerance, limit of noise and mismatch, and what noise may hide, all lie
-    between it and one. It is named alone if the evidence against the channel exceeds that against
-    every other by the margin: if the errors of two channels correlate by rho, a difference of
-    mean D = (size / deviation)^2 (1 - rho^2) has the standard deviation 2 sqrt(D).
+    A fault is told if what is no fault, the limit of noise and mismatch, and what noise may hide
+    all lie between it and one. It is named alone if the evidence against the channel exceeds that
+    against every other by the margin: if the errors of two channels correlate by rho, a difference
+    of mean D = (size / deviation)^2 (1 - rho^2) has the standard deviation 2 sqrt(D).
 
     Parameters
     ----------
@@ -57,19 +57,20 @@ def gain_limits(gains: Gains, significant: float, tolerance: float) -> GainLimit
 
     """
     gains = replace(gains, uncertainty=gains.elsewhere)
+    harmless = gains.harmless(tolerance)
     quantile = float(norm.ppf(POWER))
     deviation = np.hypot(gains.standard_deviation, gains.uncertainty)
     with np.errstate(divide='ignore', invalid='ignore'):
         limit = gains.limit(significant) + quantile * deviation
         # All errors grow with the factor.
         below = np.minimum(gains.low / gains.value, 1.0) - limit
-        upwards = np.where(below > 0, (1 + tolerance) / below - 1, np.inf)
+        upwards = np.where(below > 0, (1 + harmless) / below - 1, np.inf)
         # Noise of the channel itself counts the more, the smaller its reading.
         beyond = np.maximum(gains.high / gains.value, 1.0) - 1
-        downwards = tolerance + limit + beyond
+        downwards = harmless + limit + beyond
         for _ in range(10):
             rest = np.clip(1 - downwards, 1e-3, None)
-            downwards = np.minimum(tolerance + limit + beyond / rest, LARGEST)
+            downwards = np.minimum(harmless + limit + beyond / rest, LARGEST)
         found = np.maximum(upwards, downwards)
         found = np.where(found < LARGEST, found, np.inf)
         alike = (gains.response * deviation[np.newaxis] / deviation[:, np.newaxis]) ** 2

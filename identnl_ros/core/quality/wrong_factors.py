@@ -81,7 +81,8 @@ def wrong_factors(
                 said = _condition(own, suspect, significant, tolerance) or condition
                 value = float(own.value[suspect])
                 spread = float(np.hypot(own.standard_deviation, own.uncertainty)[suspect])
-            sentence = sentences.factor(suspect, said, value, spread, alike)
+            turned = abs(value - 1) / max(float(own.lean[suspect]), 1e-9)
+            sentence = sentences.factor(suspect, said, value, spread, alike, turned)
             shown[suspect, said] = (value, '1', sentence)
     limit = gains.limit(significant)
     wrong = {channel for channel, _ in shown}

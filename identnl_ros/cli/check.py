@@ -22,7 +22,7 @@ UNITS = {
 }
 
 # Told as problems and remarks.
-TOLD = {'faults'}
+TOLD = {'faults', 'gain_limits'}
 
 
 @click.command('check')

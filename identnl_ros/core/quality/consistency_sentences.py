@@ -35,6 +35,7 @@ class Sentences:
         deviation: float,
         rivals: Sequence[int],
         turned: float,
+        both: Sequence[int] = (),
     ) -> str:
         """
         Describe a wrong sign or gain.
@@ -50,14 +51,19 @@ class Sentences:
             Channels that could be the wrong one as well.
         turned : float
             Error of the sensor's direction that has the same effect [rad].
+        both : sequence of int
+            Two channels that, both wrong, would explain the readings as well.
 
         Returns
         -------
         str
 
         """
+        who = self._suspects(channel, rivals)
+        if both:
+            who = f'{who} (or {" and ".join(self._sensors[one].name for one in both)}, both)'
         seen = (
-            f'{self._suspects(channel, rivals)}: reads {factor:.2f} +- '
+            f'{who}: reads {factor:.2f} +- '
             f'{max(deviation, 0.005):.2f} times what {self._others(channel, rivals)} say'
         )
         if condition is Condition.INVERTED:

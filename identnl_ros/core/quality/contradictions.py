@@ -28,6 +28,8 @@ MISMATCHES = 4.0
 REPEATED = float(np.sqrt(2) * norm.ppf(0.99))
 # Bands in which a prediction has this many times the power of its noise show motion.
 POWER_OVER_NOISE = 10.0
+# Pairs that are looked at instead of a channel.
+MOST_PAIRS = 5
 # Below it a factor does not describe what differs; it may be noise, or change within the stretch.
 LEAST_COHERENCE = 0.7
 # Share of the contradiction that may remain if two channels are exchanged.
@@ -456,6 +458,40 @@ class Contradictions:
                 result.append((*beside, *pair))
         every = dict.fromkeys(tuple(sorted(one)) for one in result)
         return tuple(one for one in every if self._explain(one, channel))
+
+    def outvoting(self, channel: int) -> tuple[int, ...]:
+        """
+        Name two channels that, both wrong, explain as much as one that is blamed alone.
+
+        Parameters
+        ----------
+        channel : int
+            One that is left out, the only one of its group.
+
+        Returns
+        -------
+        tuple of int
+            Empty: none.
+
+        """
+        group = self._groups == self._groups[channel]
+        if group[list(self.left_out)].sum() > 1:
+            return ()
+        used = self.used.copy()
+        used[channel] = True
+        found = self.compare(used)
+        among = used & group
+        among[channel] = False
+        evidence = float(self.excess(found)[channel])
+        drops = np.triu(pair_drops(found.fit, self._variance, self.sums, among))
+        least = evidence - self._margin(found, np.array([channel]), evidence)
+        order = np.argsort(drops, axis=None)[::-1][:MOST_PAIRS]
+        others = [one for one in self.left_out if one != channel]
+        for one, other in zip(*np.unravel_index(order, drops.shape), strict=True):
+            pair = int(one), int(other)
+            if drops[pair] > max(least, 0.0) and self._explain((*others, *pair), channel):
+                return pair
+        return ()
 
     def _explain(self, left_out: tuple[int, ...], channel: int) -> bool:
         """Tell whether all that is left out is wrong, and a channel is not."""

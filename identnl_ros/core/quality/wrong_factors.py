@@ -71,6 +71,7 @@ def wrong_factors(
             if suspect not in search.left_out
         }  # fmt: skip
         suspects = (channel, *sorted(instead))
+        both = () if instead else search.outvoting(channel)
         for suspect in suspects:
             alike = [one for one in suspects if one != suspect]
             own, said, value = gains, condition, float(gains.value[channel])
@@ -82,7 +83,7 @@ def wrong_factors(
                 value = float(own.value[suspect])
                 spread = float(np.hypot(own.standard_deviation, own.uncertainty)[suspect])
             turned = abs(value - 1) / max(float(own.lean[suspect]), 1e-9)
-            sentence = sentences.factor(suspect, said, value, spread, alike, turned)
+            sentence = sentences.factor(suspect, said, value, spread, alike, turned, both)
             shown[suspect, said] = (value, '1', sentence)
     limit = gains.limit(significant)
     wrong = {channel for channel, _ in shown}

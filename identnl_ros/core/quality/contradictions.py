@@ -215,7 +215,8 @@ class Exchange:
     @property
     def likely(self) -> bool:
         """Factors do not explain more."""
-        return self.share < EXCHANGED and self.exchanged < self.scaled + self.margin
+        shown = self.before > self.margin and self.share < EXCHANGED
+        return shown and self.exchanged < self.scaled + self.margin
 
     @property
     def may_be_inverted(self) -> bool:
@@ -365,10 +366,17 @@ class Contradictions:
         fit = leave_one_out(self._rows, self._variance, used)
         return compared(fit, self.sums.products, self.sums.noise, self.motion)
 
+    def speaks(self, found: Comparison) -> Flags:
+        """Tell which bands hold more than noise, shape (n_bands, n_channels)."""
+        seen = np.maximum(found.read, found.predicted)
+        noise = self.sums.counts[:, np.newaxis] * found.noise
+        return np.asarray(found.fit.told & (seen > POWER_OVER_NOISE * noise))
+
     def excess(self, found: Comparison) -> Reals:
         """Weigh the power of errors beyond noise, shape (n_channels,)."""
         beyond = found.error - self.sums.counts[:, np.newaxis] * found.noise
-        return np.asarray(np.where(found.fit.told, beyond / found.fit.variance, 0.0).sum(axis=0))
+        speaks = self.speaks(found)
+        return np.asarray(np.where(speaks, beyond / found.fit.variance, 0.0).sum(axis=0))
 
     def own_mismatch(self, found: Comparison, deviations: float = -1.0) -> Reals:
         """
@@ -409,14 +417,15 @@ class Contradictions:
         return result
 
     def limit(self, found: Comparison) -> Reals:
-        """Excess that usual errors explain, shape (n_channels,)."""
-        expected = self.sums.counts[:, np.newaxis] * found.mismatch / found.fit.variance
+        """Excess that usual errors and noise explain, shape (n_channels,)."""
+        weight = self.speaks(found) / found.fit.variance
+        expected = weight * self.sums.counts[:, np.newaxis] * found.mismatch
         largest = (MISMATCHES * self.mismatch(found)) ** 2 * expected.sum(axis=0)
-        own = np.maximum(found.read, found.predicted) / found.fit.variance
+        own = weight * np.maximum(found.read, found.predicted)
+        noise = CORRELATED * (self.sums.counts[:, np.newaxis] * (weight * found.noise) ** 2)
         # Candidates have half the tolerance.
-        return np.asarray(
-            np.maximum(np.maximum(largest, (self._tolerance / 2) ** 2 * own.sum(axis=0)), TINY)
-        )
+        usual = np.maximum(largest, (self._tolerance / 2) ** 2 * own.sum(axis=0))
+        return np.asarray(np.maximum(usual + NOTICED * np.sqrt(noise.sum(axis=0)), TINY))
 
     def explanations(self, channel: int) -> tuple[tuple[int, ...], ...]:
         """
@@ -593,8 +602,9 @@ class Contradictions:
         """
         found, counts, gains = self.comparison, self.sums.counts, self.gains()
         before = exchanged = inverted = scaled = 0.0
+        speaks = self.speaks(found)[:, [one, other]].any(axis=1)
         for first, second in ((one, other), (other, one)):
-            weight = 1 / found.fit.variance[:, first]
+            weight = speaks / found.fit.variance[:, first]
             read, own = found.read[:, first], self.sums.noise[:, first]
             theirs = np.clip(found.noise - self.sums.noise, 0.0, None)
 
@@ -619,11 +629,12 @@ class Contradictions:
     def _evidence(self, found: Comparison) -> Reals:
         """Excess of the channels that are candidates for leaving out; others 0."""
         counts = self.sums.counts[:, np.newaxis]
+        speaks = self.speaks(found)
         noise = np.maximum(found.noise, TINY)
-        surplus = ((found.error - counts * noise) / noise).sum(axis=0)
-        noticed = surplus > NOTICED * np.sqrt(CORRELATED * self.sums.counts.sum())
+        surplus = (speaks * (found.error - counts * noise) / noise).sum(axis=0)
+        noticed = surplus > NOTICED * np.sqrt(CORRELATED * (speaks * counts).sum(axis=0))
         excess = self.excess(found)
-        own = np.maximum(found.read, found.predicted) / found.fit.variance
+        own = speaks * np.maximum(found.read, found.predicted) / found.fit.variance
         beyond = excess > (self._tolerance / 2) ** 2 * own.sum(axis=0)
         return np.where(noticed & beyond & found.fit.told, excess, 0.0)
 

@@ -107,7 +107,8 @@ class Gains:
     uncertainty : ndarray, shape (n_channels,)
         From the mismatch of the other channels.
     low, high : ndarray, shape (n_channels,)
-        Between which the factor is, whatever share of the differences is noise of either side.
+        Between which the factor is, if differences that the stated noise does not explain, or
+        that it lacks, are noise of either side.
     coherence : ndarray, shape (n_channels,)
         Squared, of reading and prediction.
     elsewhere : ndarray, shape (n_channels,)
@@ -564,7 +565,15 @@ class Contradictions:
             read = total(found.read)
             motion = total(found.predicted - counts * theirs)
             value = agreement / motion
-            ends = np.stack((agreement / predicted, read / agreement))
+            left = read - 2 * value * agreement + value**2 * predicted
+            expected = own + value**2 * theirs
+            doubt = np.abs(left - total(counts * expected))
+            chance = np.sqrt(CORRELATED * (counts * (weights * expected) ** 2).sum(axis=0))
+            doubt = np.maximum(doubt, chance) / value**2
+            ends = np.stack((agreement / (motion + doubt), agreement / (motion - doubt)))
+            extremes = np.stack((agreement / predicted, read / agreement))
+            ends = np.clip(ends, extremes.min(axis=0), np.maximum(value, extremes.max(axis=0)))
+            ends = np.where(motion > doubt, ends, extremes)
             ratio = found.noise / np.maximum(own + theirs, TINY)
             at_motion = self.sums.noise_at_motion / np.maximum(own, TINY)
             variance = (own * at_motion + value**2 * theirs * at_motion) * ratio

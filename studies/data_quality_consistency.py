@@ -11,11 +11,12 @@ Gains that are not named by then have until 110 s after the begin. Seeds from 50
 served the development. Limits are those of Clopper and Pearson, 95 %.
 
 Sizes: gains 5 to 20 % off; the least gain is as far off as the software, from the 6 s before the
-fault, says that it names alone in 99 % of the cases; exchanged channels of a kind whose readings
-differ by 20 %; hum at 50 or 60 +- 0.4 Hz, 1 to 5 times the noise of a sample more 5 % of the
-motion within 4 Hz; drift by 3 to 10 times the noise of a sample in 30 s. Nothing should be found
-in clean data (an hour of the first machine with the multisine, a minute of all others), in quiet
-data (no motion; noise 0.7 to 3 times what is stated) and with inexact layouts (directions 1
+fault, says that it names alone in 99 % of the cases. The motion of the windows with the fault may
+be another: rows tell apart whether these state less. Exchanged channels of a kind have readings
+that differ by 20 %; hum at 50 or 60 +- 0.4 Hz has 1 to 5 times the noise of a sample more 5 % of
+the motion within 4 Hz; drift is 3 to 10 times the noise of a sample in 30 s. Nothing should be
+found in clean data (an hour of the first machine with the multisine, a minute of all others), in
+quiet data (no motion; noise 0.7 to 3 times what is stated) and with inexact layouts (directions 1
 degree, gains 1 %, times up to 25 us off).
 """
 
@@ -57,6 +58,7 @@ WITHOUT = ('clean', 'quiet', 'inexact')
 ORDER = (*FAULTS, *WITHOUT)
 LATEST = 10.5  # s after the fault begins; drift: 32 s
 LATEST_GAIN = 110.0  # s, for those that are not named by then
+WINDOW = 6.6  # s that the software judges together
 FIRST_SEED = 5000
 # Swapped channels differ by this share of the larger; gains are 5 to 20 % off either way.
 LEAST_DIFFERENCE = 0.2
@@ -104,7 +106,8 @@ class Result:
     size : float
         Of a gain: the factor less one.
     stated : float
-        The least that the software states to name alone, before the fault.
+        The least that the software states to name alone: before the fault; of the least gain the
+        smallest in the windows with the fault.
 
     """
 
@@ -388,6 +391,8 @@ def run(task: Task) -> Result:
             readings = np.where((time > 0)[:, np.newaxis], faulty, readings)
         drawn = generator.standard_normal(readings.shape, dtype=np.float32)
         watch.add(index, readings + noise * drawn)
+        if least and time[0] > WINDOW:
+            stated = np.fmin(stated, watch.gain_limits[expected[0].split()[0]][1])
         index += BLOCK
         standing = watch.findings()
         found = tuple(f'{one.channel} {Condition(one.condition).name}' for one in standing)
@@ -495,9 +500,12 @@ def table(results: Sequence[Result]) -> str:
         fault: [one for one in results if one.task.fault == fault]
         for fault in dict.fromkeys(cell[0] for cell in cells)
     }
-    gains = rows.get('gain', [])
-    rows['gain, not less than stated'] = [one for one in gains if abs(one.size) >= one.stated]
-    rows['gain, less than stated'] = [one for one in gains if abs(one.size) < one.stated]
+    for fault in ('gain', 'least gain'):
+        gains = rows.get(fault, [])
+        rows[f'{fault}, not less than stated'] = [
+            one for one in gains if abs(one.size) >= one.stated
+        ]
+        rows[f'{fault}, less than stated'] = [one for one in gains if abs(one.size) < one.stated]
     for fault, own in rows.items():
         if not own:
             continue

@@ -65,7 +65,7 @@ study: setup
 	@$(BIN)/python studies/hidden_effects.py --excitation sine --out hidden_effects_sine
 	@$(BIN)/python studies/stream_alignment.py
 	@$(BIN)/python studies/data_quality_channels.py
-	@$(BIN)/python studies/data_quality_consistency.py --runs 6
+	@$(BIN)/python studies/data_quality_consistency.py
 
 lint: setup
 	$(BIN)/ruff check

@@ -24,7 +24,7 @@ UNITS = {
 }
 
 # Told as problems and remarks.
-TOLD = {'faults'}
+TOLD = {'faults', 'gain_limits'}
 
 
 @click.command('check')

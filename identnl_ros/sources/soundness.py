@@ -190,6 +190,8 @@ def check_bag(path: Path, machine_path: Path | None, delays: bool = False) -> Fi
                 },
                 'faults': [_fault(one) for one in summary.findings],
             }
+            if summary.gain_limits:
+                facts |= _gains_told(summary.gain_limits)
             findings.facts['streams'].append(facts)
             if lost:
                 _lacking(findings, lost, samples + lost).append(
@@ -270,6 +272,29 @@ def _judged(
     for _ in monitored(blocks, monitor):
         pass
     return monitor.summary()
+
+
+def _gains_told(limits: dict[str, tuple[float, float]]) -> dict[str, Any]:
+    """Say how wrong a gain would have to be to be found: for people, and channel by channel."""
+    told = {name: one for name, (one, _) in limits.items() if np.isfinite(one)}
+    text = 'not told: no motion, or less than 1 s'
+    if told:
+        worst = max(told, key=lambda name: told[name])
+        text = (
+            f'found from {100 * min(told.values()):.2g} % to {100 * told[worst]:.2g} % ({worst})'
+        )
+        silent = len(limits) - len(told)
+        text += f'; {silent} not told: too little motion' if silent else ''
+    return {
+        'wrong_gains': text,
+        'gain_limits': {
+            name: {
+                'found': found if np.isfinite(found) else None,
+                'named': named if np.isfinite(named) else None,
+            }
+            for name, (found, named) in limits.items()
+        },
+    }
 
 
 def _fault(finding: Finding) -> dict[str, Any]:

@@ -46,6 +46,23 @@ def test_inverted_probe_is_named_by_check(identnl, inverted_bag):
     assert fault['amount'] == pytest.approx(-1.0, abs=0.05)
 
 
+def test_check_tells_how_wrong_a_gain_would_have_to_be_to_be_found(identnl, inverted_bag):
+    (found,) = json.loads(identnl('check', inverted_bag, '--json').stdout)['files']
+    (stream,) = found['streams']
+    limits = stream['gain_limits']
+    description, *_ = recorded()
+    # All but the force cell are checked.
+    kinds = {one.name: one.kind for one in description.layout.sensors}
+    assert set(limits) == {name for name, kind in kinds.items() if kind is not SensorKind.FORCE}
+    # The tolerance is 3 %: nothing below it is a fault.
+    sizes = [one['found'] for one in limits.values() if one['found'] is not None]
+    assert len(sizes) > 0.9 * len(limits)
+    assert 0.03 < min(sizes) < 0.05
+    assert all(one['named'] is None or one['named'] >= one['found'] for one in limits.values())
+    worst = max((one['found'] or 0, name) for name, one in limits.items())[1]
+    assert worst in stream['wrong_gains']
+
+
 def test_inverted_probe_is_left_out_where_the_others_see_everything(document, inverted_bag):
     found = document('identify', inverted_bag)
     (sentence,) = [one for one in found['problems'] if 'knee_s1x: reads -1.00' in one]

@@ -14,7 +14,10 @@ from identnl_ros.core.quality.condition import Condition
 from identnl_ros.core.quality.consistency import Consistency
 from identnl_ros.core.quality.consistency_spectra import bridged, CORRELATED, Spectra
 from identnl_ros.core.quality.contradictions import BandSums, Contradictions
+from identnl_ros.core.quality.equal_pairs import pair_drops
+from identnl_ros.core.quality.gain_limits import gain_limits
 from identnl_ros.core.quality.leave_one_out import leave_one_out
+from identnl_ros.core.quality.long_windows import LongWindows, StretchSums, together
 from identnl_ros.core.quality.redundancy import redundancy
 from identnl_ros.core.synchronisation.segment_spectra import segment_spectra
 from identnl_ros.storage.layout_file import load_layout
@@ -22,7 +25,7 @@ from identnl_ros.storage.machine_file import load_machine
 from identnl_ros.storage.shipped import shipped_config
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import binom, kstest
 
 from tests.core.machines import line_layout, oscillator
 
@@ -65,6 +68,24 @@ def motion_of(model, layout, lines=LINES, seconds=2.0, seed=0, rate=RATE, late=0
 
 
 CLEAN = motion_of(MODEL, LAYOUT)
+
+
+def in_phase(shape, layout=LAYOUT):
+    """Give readings of a motion of 40 Hz, all coordinates in phase: accelerations of a shape."""
+    time = np.arange(4000) / RATE
+    samples = np.zeros((len(time), len(layout.sensors)))
+    omega = 2 * np.pi * 40.0
+    for i, sensor in enumerate(layout.sensors):
+        if sensor.kind is not F:
+            own = sensor_matrix(MODEL, (sensor,))[0] @ shape / omega**2
+            phase = omega * (time - sensor.delay) + ORDER[sensor.kind] * np.pi / 2
+            samples[:, i] = own * omega ** ORDER[sensor.kind] * np.cos(phase)
+    return samples
+
+
+def random_shape(seed):
+    sizes = [1 if 'translation' in name else 0.1 for name in MODEL.coordinate_names]
+    return np.random.default_rng(seed).normal(size=len(sizes)) * sizes
 
 
 def passed(
@@ -209,34 +230,144 @@ def test_variance_of_white_noise_is_known_in_every_band():
 THREE = line_layout(kinds=(D, V, A), noise={D: 1e-6, V: 2e-4, A: 5e-2, F: 1.0})
 
 
+def searched(clean, layout, seed, left_out=()):
+    """Judge one chunk, channels left out by hand."""
+    noise = np.array([one.noise for one in layout.sensors])
+    setup = redundancy(BLOCK, layout)
+    spectra = Spectra(layout, setup.orders, RATE)
+    generator = np.random.default_rng(seed)
+    readings = np.concatenate((clean, clean))[: 3 * 2048]
+    readings = readings + noise * generator.standard_normal(readings.shape)
+    (chunk,) = spectra.add(0, readings)
+    bands = slice(0, len(spectra.bands))
+    sums = BandSums(
+        chunk.products[bands],
+        5 * spectra.bins_per_sum[bands],
+        noise**2 * spectra.noise_power[bands],
+        noise**2 * (chunk.power[bands, 1:] / chunk.power[bands, :1])[:, setup.orders],
+        chunk.valid,
+    )
+    search = Contradictions(setup, sums, 0.03, 5.0)
+    if left_out:
+        search.used = np.isin(np.arange(len(noise)), left_out, invert=True)
+        search.comparison = search.compare(search.used)
+    return search
+
+
 def test_factors_are_unbiased_with_true_standard_deviations():
     clean = motion_of(BLOCK, THREE, lines=np.arange(10.0, 60.0, 5.0))
     clean[:, 2] *= 1.02
-    noise = np.array([one.noise for one in THREE.sensors])
-    setup = redundancy(BLOCK, THREE)
     scores = []
     for seed in range(150):
-        spectra = Spectra(THREE, setup.orders, RATE)
-        generator = np.random.default_rng(seed)
-        readings = np.concatenate((clean, clean))[: 3 * 2048]
-        readings = readings + noise * generator.standard_normal(readings.shape)
-        (chunk,) = spectra.add(0, readings)
-        bands = slice(0, len(spectra.bands))
-        sums = BandSums(
-            chunk.products[bands],
-            5 * spectra.bins_per_sum[bands],
-            noise**2 * spectra.noise_power[bands],
-            noise**2 * (chunk.power[bands, 1:] / chunk.power[bands, :1])[:, setup.orders],
-            chunk.valid,
-        )
-        search = Contradictions(setup, sums, 0.03)
-        search.used = np.array([True, True, False, True])
-        search.comparison = search.compare(search.used)
-        gains = search.gains()
+        gains = searched(clean, THREE, seed, (2,)).gains()
         scores.append((gains.value[2] - 1.02) / gains.standard_deviation[2])
     # Unbiased, of unit variance and normal: 150 scores, bounds of 1e-4.
     assert abs(np.mean(scores)) < 3.9 / np.sqrt(150)
     assert kstest(scores, 'norm').pvalue > 1e-4
+
+
+FIVE = Layout(
+    tuple(
+        Sensor(f'{kind.name}_{i}', kind, 'block', noise=noise)
+        for kind, noise in ((D, 1e-6), (V, 2e-4), (A, 5e-2))
+        for i in range(1 + (kind is not A))
+    )
+)
+
+
+@pytest.mark.parametrize('sign', [-1, 1])
+def test_a_gain_of_the_stated_size_is_named_in_99_percent_and_a_smaller_one_less(sign):
+    clean = motion_of(BLOCK, FIVE, lines=np.arange(10.0, 60.0, 5.0))
+    clean *= 0.15  # little motion: noise decides
+    clean_search = searched(clean, FIVE, 1000)
+    limits = gain_limits(clean_search.gains(), 5.0, 0.03)
+    size = float(limits.named[4])
+    assert 0.06 < size < 0.5
+    trials = 120
+    named = {1.0: 0, 0.5: 0}
+    for share in named:
+        wrong = clean.copy()
+        wrong[:, 4] *= 1 + sign * share * size
+        for seed in range(trials):
+            search = searched(wrong, FIVE, seed)
+            told = search.left_out == (4,) and search.gains().wrong(5.0, 0.03)[4]
+            named[share] += bool(told and not search.explanations(4))
+    # At least so many, unless 1 in 1000 bad luck.
+    assert named[1.0] >= binom.ppf(1e-3, trials, 0.99)
+    assert named[0.5] < 0.9 * trials
+
+
+def test_dropping_a_pair_lowers_the_squares_as_a_fit_without_it():
+    generator = np.random.default_rng(4)
+    rows = generator.normal(size=(9, 4)) * [1, 10, 0.1, 1]
+    variance = generator.uniform(0.1, 10, size=(2, 9))
+    readings = generator.normal(size=(2, 9))
+    used = np.ones(9, dtype=bool)
+    used[6] = False
+
+    def squares(band, channels):
+        root = 1 / np.sqrt(variance[band, channels])
+        fit, *_ = np.linalg.lstsq(
+            rows[channels] * root[:, None], readings[band, channels] * root, rcond=None
+        )
+        return np.sum((root * (readings[band, channels] - rows[channels] @ fit)) ** 2)
+
+    products = np.einsum('bi,bj->bij', readings, readings)
+    sums = BandSums(products, np.ones(2), np.zeros((2, 9)), np.zeros((2, 9)), used)
+    found = pair_drops(leave_one_out(rows, variance, used), variance, sums, used)
+    whole = [i for i in range(9) if used[i]]
+    for i in whole:
+        for j in whole:
+            if i != j:
+                rest = [k for k in whole if k not in (i, j)]
+                drop = sum(squares(band, whole) - squares(band, rest) for band in range(2))
+                assert found[i, j] == pytest.approx(drop, rel=1e-9)
+    assert not found[6].any()
+    assert not np.diag(found).any()
+
+
+def test_what_a_direction_does_to_a_factor_is_its_derivative():
+    column = NAMES.index('column_a3z')
+    angle = 1e-4
+    clean = motion_of(MODEL, LAYOUT, [40.0])
+    watch = passed(clean=clean, factor=1e-3)
+    lean = watch._gains.lean[column]
+    sensor = LAYOUT.sensors[column]
+    _, _, (_, first, second) = np.linalg.svd(sensor.direction[np.newaxis])
+    changes = []
+    for across in (first, second):
+        turned = list(LAYOUT.sensors)
+        turned[column] = replace(sensor, direction=sensor.direction + angle * across)
+        moved = motion_of(MODEL, replace(LAYOUT, sensors=tuple(turned)), [40.0])
+        own = clean[:, column] - clean[:, column].mean()
+        changes.append((moved[:, column] @ own / (clean[:, column] @ own) - 1) / angle)
+    assert lean == pytest.approx(np.hypot(*changes), rel=0.02)
+    assert lean > 0.1
+
+
+def test_long_windows_hold_every_chunk_once():
+    def chunk(i):
+        bit = np.zeros((1, 1, 200))
+        bit[..., i] = 1
+        return StretchSums(i, i + 1, bit, bit[0], 1, np.array([i != 7]), np.array([float(i)]))
+
+    windows = LongWindows(3)
+    for i in range(150):
+        for window in windows.add(chunk(i)):
+            # The newest ones, without a gap.
+            assert window.next_index == i + 1
+            expected = np.zeros(200)
+            expected[window.first_index : i + 1] = 1
+            np.testing.assert_array_equal(window.products[0, 0], expected)
+            assert window.segments == i + 1 - window.first_index
+            assert window.valid[0] == (not window.first_index <= 7 <= i)
+            assert window.largest[0] == i
+            assert window.segments in {6, 9, 12, 24, 36, 48, 96, 144}
+    (rest,) = windows.finish()
+    assert (rest.first_index, rest.next_index) == (0, 150)
+    windows.restart()
+    assert windows.finish() == []
+    assert together([chunk(3)]).segments == 1
 
 
 # Faults.
@@ -327,6 +458,75 @@ def test_a_fault_that_begins_later_is_found_and_goes_when_it_is_mended():
     assert at(end + 16) == set()
 
 
+@pytest.mark.parametrize(
+    'names',
+    [('column_s1x', 'column_a1x'), ('column_s4y', 'column_v4y'), ('column_a4y', 'column_s4y')],
+)
+def test_two_wrong_sensors_of_a_place_do_not_outvote_the_third(names):
+    # One frequency; leaving out one channel after the other begins with the third.
+    clean = motion_of(MODEL, LAYOUT, [40.0])
+    found = said(passed(times(**dict.fromkeys(names, -1)), clean=clean, seconds=7.5))
+    assert found == {(name, Condition.INVERTED) for name in names}
+
+
+@pytest.mark.parametrize('wrong', [(1,), (2, 3)])
+def test_of_three_sensors_two_that_may_both_be_wrong_are_named(wrong):
+    layout = line_layout(kinds=(D, V, A), noise={D: 1e-8, V: 1e-6, A: 1e-2, F: 1.0})
+    clean = motion_of(BLOCK, layout)
+    clean[:, list(wrong)] *= -1  # the same readings but for a common sign
+    (found,) = passed(model=BLOCK, layout=layout, clean=clean).findings()
+    assert found.sentence.startswith(
+        'block_displacement (or block_velocity and block_acceleration, both): reads -1.00'
+    )
+
+
+def test_an_exchange_that_two_wrong_signs_explain_as_well_says_both():
+    pair = [NAMES.index(name) for name in ('knee_a1x', 'knee_a2z')]
+
+    def opposite(share):
+        """Motion in which the second reads so many times the negative of the first."""
+        rows = sensor_matrix(MODEL, tuple(LAYOUT.sensors[i] for i in pair))
+        shape = random_shape(8)
+        null = rows[1] + share * rows[0]
+        return in_phase(shape - null * (null @ shape) / (null @ null))
+
+    names = [NAMES[i] for i in pair]
+    # Readings that are opposite: exchanged or inverted is the same to the last digit.
+    found = passed(exchanged(*names), clean=opposite(1.0)).findings()
+    conditions = {(name, one) for name in names for one in (Condition.SWAPPED, Condition.INVERTED)}
+    assert {(one.channel, one.condition) for one in found} == conditions
+    assert all('exchanged with' in one.sentence for one in found)
+    assert all('both have the wrong polarity' in one.sentence for one in found)
+    # Readings that differ in size as well tell which it is.
+    clean = opposite(1.3)
+    assert said(passed(exchanged(*names), clean=clean)) == {
+        (name, Condition.SWAPPED) for name in names
+    }
+    assert said(passed(times(**dict.fromkeys(names, -1)), clean=clean)) == {
+        (name, Condition.INVERTED) for name in names
+    }
+
+
+def test_a_small_gain_in_much_noise_is_found_by_long_windows():
+    channel = NAMES.index('knee_a1x')
+    sensors = list(LAYOUT.sensors)
+    sensors[channel] = replace(sensors[channel], noise=60 * sensors[channel].noise)
+    layout = replace(LAYOUT, sensors=tuple(sensors))
+    short = passed(seconds=10.0, layout=layout)
+    least = short.gain_limits['knee_a1x'][0]
+    size = 0.03 + 0.5 * (least - 0.03)
+    assert 0.05 < size < 0.3
+    change = times(knee_a1x=1 - size)
+    assert passed(change, seconds=10.0, layout=layout).findings() == ()
+    watch = passed(change, seconds=120.0, layout=layout)
+    (found,) = watch.findings()
+    assert (found.channel, found.condition) == ('knee_a1x', Condition.GAIN)
+    assert found.amount == pytest.approx(1 - size, abs=0.25 * size)
+    # 12 times as long: noise counts less by the root of that.
+    assert watch.least_gain_limits['knee_a1x'][0] < 0.03 + 0.45 * (least - 0.03)
+    assert passed(seconds=120.0, layout=layout).findings() == ()
+
+
 # What must not be called a fault.
 
 
@@ -348,6 +548,39 @@ def test_inexact_layouts_are_no_fault():
         clean *= 1 + 0.01 * generator.normal(size=len(NAMES))
         assert passed(clean=clean).findings() == ()
         assert said(passed(times(knee_s3z=-1), clean=clean)) == {('knee_s3z', Condition.INVERTED)}
+
+
+def test_a_direction_that_is_a_little_off_is_no_wrong_gain():
+    channel = NAMES.index('knee_a1x')
+
+    def pointing(direction):
+        sensors = list(LAYOUT.sensors)
+        sensors[channel] = replace(sensors[channel], direction=np.asarray(direction))
+        return replace(LAYOUT, sensors=tuple(sensors))
+
+    shape = random_shape(3)
+    path = np.array(
+        [sensor_matrix(MODEL, (pointing(one).sensors[channel],))[0] @ shape for one in np.eye(3)]
+    )
+    path = path / np.linalg.norm(path)
+    beside = np.cross(path, [1.0, 0.0, 0.0])
+    beside = beside / np.linalg.norm(beside)
+
+    # The sensor sees a tenth of the motion: a turn of 1 degree towards it adds 17 %.
+    def turned(degrees):
+        angle = np.arcsin(0.1) + np.radians(degrees)
+        return pointing(np.sin(angle) * path + np.cos(angle) * beside)
+
+    layout = turned(0.0)
+    exact, wrong = in_phase(shape, layout), in_phase(shape, turned(1.0))
+    assert np.ptp(wrong[:, channel]) > 1.15 * np.ptp(exact[:, channel])
+    for degrees in (1.0, -1.0):
+        clean = in_phase(shape, turned(degrees))
+        assert passed(layout=layout, clean=clean).findings() == ()
+    # More than that is told, with the turn that would do the same.
+    (found,) = passed(layout=layout, clean=in_phase(shape, turned(3.0))).findings()
+    assert (found.channel, found.condition) == ('knee_a1x', Condition.GAIN)
+    assert 'or the direction by 3 degrees' in found.sentence
 
 
 @pytest.mark.parametrize('factor', [1.0, 4.0])

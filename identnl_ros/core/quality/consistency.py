@@ -4,6 +4,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.layout import Layout
@@ -13,8 +14,17 @@ from identnl_ros.core.quality.consistency_sentences import Sentences
 from identnl_ros.core.quality.consistency_spectra import Chunk, Spectra, WINDOW
 from identnl_ros.core.quality.contradictions import BandSums, Contradictions, Gains, MISMATCHES
 from identnl_ros.core.quality.drift import drift_in
+from identnl_ros.core.quality.gain_limits import gain_limits
 from identnl_ros.core.quality.hum import hum_at, LineSums
 from identnl_ros.core.quality.leave_one_out import Flags, Reals
+from identnl_ros.core.quality.long_windows import (
+    LEVELS,
+    LongWindows,
+    PARTS,
+    StretchSums,
+    sums_of,
+    together,
+)
 from identnl_ros.core.quality.redundancy import redundancy
 from identnl_ros.core.quality.wrong_factors import Fault, RELATED, Said, wrong_factors
 import numpy as np
@@ -35,7 +45,7 @@ MEANS = 75
 LEAST_MEANS = 24
 # A longer mean is over so many.
 MEANS_PER_MEAN = 60
-# A finding goes when so many evaluations in a row find the channel right.
+# A finding goes when so many evaluations find the channel right, and none does not.
 EVALUATIONS_TO_CLEAR = 3
 
 
@@ -45,7 +55,9 @@ class Consistency:
 
     All motion sensors are brought to spectra of acceleration; the motion of the rigid bodies is
     eliminated, whatever it is. Channels are left out until the rest agrees; what is left out is
-    compared with what the rest says.
+    compared with what the rest says. About 6 s are judged together; wrong gains that these do not
+    show are looked for in windows of up to 24 s, 100 s and 400 s, as long as the faults that the
+    short ones show do not change.
 
     Parameters
     ----------
@@ -87,7 +99,7 @@ class Consistency:
         self.drift_checkable: dict[str, tuple[str, ...]] = _named(alike, names)
         """The same for drift, which only sensors of the same kind tell."""
         seconds = 5 * self._spectra.hop / sample_rate
-        tests = len(names) * 3600 / seconds
+        tests = len(names) * 3600 / seconds * (1 + sum(PARTS**-i for i in range(LEVELS)) / CHUNKS)
         self._significant = float(norm.isf(min(0.1, false_alarms_per_hour / tests / 2)))
         self._sentences = Sentences(layout)
         self._chunks: deque[Chunk] = deque(maxlen=CHUNKS)
@@ -98,6 +110,10 @@ class Consistency:
         self._standing: dict[Fault, Finding] = {}
         self._right: dict[Fault, int] = {}
         self._gains: Gains | None = None
+        self._long = LongWindows(CHUNKS)
+        self._least_limits = np.full((2, len(names)), np.inf)
+        self._related: set[Fault] = set()
+        self._seen_from: dict[Fault, int] = {}
 
     def add(self, first_index: int, samples: Reals) -> None:
         """
@@ -130,6 +146,12 @@ class Consistency:
         """Judge the last samples of a stream too, that are less than what is judged together."""
         for chunk in self._spectra.finish():
             self._judge(chunk)
+        shown: dict[Fault, Said] = {}
+        right: set[Fault] = set()
+        for window in self._long.finish():
+            self._look_longer(window, shown, right)
+        if shown:
+            self._update(shown, right)
 
     def findings(self) -> tuple[Finding, ...]:
         """Faults that stand now, in the order of the channels."""
@@ -152,10 +174,62 @@ class Consistency:
                     result[sensor.name] = (float(value), float(one))
         return result
 
+    @property
+    def gain_limits(self) -> dict[str, tuple[float, float]]:
+        """
+        Relative errors of gain found, and named alone, in 99 % of cases by data as the newest 6 s.
+
+        Infinite: none would be.
+        """
+        if self._gains is None:
+            return self._by_name(np.full((2, len(self._layout.sensors)), np.inf))
+        return self._by_name(self._limits(self._gains))
+
+    @property
+    def least_gain_limits(self) -> dict[str, tuple[float, float]]:
+        """The same for the window of the stream so far, short or long, that tells most."""
+        return self._by_name(self._least_limits)
+
+    def _limits(self, gains: Gains) -> Reals:
+        limits = gain_limits(gains, self._significant, self._tolerance)
+        return np.stack((limits.found, limits.named))
+
+    def _by_name(self, limits: Reals) -> dict[str, tuple[float, float]]:
+        return {
+            sensor.name: (float(found), float(named))
+            for sensor, (found, named) in zip(self._layout.sensors, limits.T, strict=True)
+        }
+
     def _judge(self, chunk: Chunk) -> None:
         self._chunks.append(chunk)
         self._keep(chunk.means)
-        self._evaluate()
+        shown, right = self._evaluate()
+        related = {fault for fault in shown if fault[1] in RELATED}
+        if related == self._related:
+            newest = sums_of(chunk)
+            bands = len(self._spectra.bands)
+            newest = replace(newest, products=newest.products[:bands], power=newest.power[:bands])
+            for window in self._long.add(newest):
+                self._look_longer(window, shown, right)
+        else:
+            self._related = related
+            self._long.restart()
+        self._update(shown, right)
+
+    def _look_longer(
+        self, window: StretchSums, shown: dict[Fault, Said], right: set[Fault]
+    ) -> None:
+        """Add the wrong gains that a long window shows."""
+        noise, valid = self._noise(window)
+        search = self._search(self._sums(window, noise, valid))
+        found, absent = self._factors(search)
+        wrong = {channel for channel, condition in shown if condition in RELATED}
+        for fault, said in found.items():
+            if fault[0] not in wrong and fault[1] is Condition.GAIN:
+                shown[fault] = said
+                self._seen_from[fault] = window.first_index
+                right.discard(fault)
+        right |= {one for one in absent if one not in shown and one[1] is Condition.GAIN}
 
     def _keep(self, means: Reals) -> None:
         for mean in means:
@@ -165,22 +239,13 @@ class Consistency:
                 self._long_means.append(np.mean(self._gathered, axis=0))
                 self._gathered = []
 
-    def _evaluate(self) -> None:
-        noise = self._spectra.noise
-        largest = np.max([chunk.largest for chunk in self._chunks], axis=0)
-        valid = np.all([chunk.valid for chunk in self._chunks], axis=0) & np.isfinite(noise)
-        # Below it is rounding.
-        noise = np.maximum(np.where(np.isfinite(noise), noise, 1.0), 1e-9 * largest)
-        bands = len(self._spectra.bands)
-        products = sum(chunk.products for chunk in self._chunks)
-        power = sum(chunk.power for chunk in self._chunks)
-        segments = sum(len(chunk.means) for chunk in self._chunks)
-        every = self._sums(np.asarray(products), np.asarray(power), segments, noise, valid)
-        search = Contradictions(self._redundancy, _part(every, slice(0, bands)), self._tolerance)
+    def _evaluate(self) -> tuple[dict[Fault, Said], set[Fault]]:
+        short = together([sums_of(chunk) for chunk in self._chunks])
+        noise, valid = self._noise(short)
+        bands = slice(0, len(self._spectra.bands))
+        search = self._search(_part(self._sums(short, noise, valid), bands))
         self._gains = search.gains()
-        shown, right = wrong_factors(
-            search, self._redundancy.kinds, self._sentences, self._significant, self._tolerance
-        )
+        shown, right = self._factors(search)
         good = search.used.copy()
         named = {channel for channel, _ in shown}
         good |= valid & np.isin(np.arange(len(good)), list(set(search.left_out) - named))
@@ -190,20 +255,39 @@ class Consistency:
         )
         self._hum(search.used, good, mismatch, noise, shown, right)
         self._drift(search.used, good, noise, shown, right)
-        self._update(shown, right)
+        return shown, right
 
-    def _sums(
-        self, products: Reals, power: Reals, segments: int, noise: Reals, valid: Flags
-    ) -> BandSums:
+    def _noise(self, stretch: StretchSums) -> tuple[Reals, Flags]:
+        """Give the noise of a sample, and the channels that have samples and a known noise."""
+        noise = self._spectra.noise
+        known = np.isfinite(noise)
+        # Below it is rounding.
+        noise = np.maximum(np.where(known, noise, 1.0), 1e-9 * stretch.largest)
+        return noise, stretch.valid & known
+
+    def _search(self, sums: BandSums) -> Contradictions:
+        return Contradictions(self._redundancy, sums, self._tolerance, self._significant)
+
+    def _factors(self, search: Contradictions) -> tuple[dict[Fault, Said], set[Fault]]:
+        limits = self._limits(search.gains())
+        self._least_limits = np.minimum(self._least_limits, limits)
+        amounts = {fault: finding.amount for fault, finding in self._standing.items()}
+        return wrong_factors(
+            search, self._redundancy.kinds, self._sentences, self._significant, self._tolerance,
+            amounts,
+        )  # fmt: skip
+
+    def _sums(self, stretch: StretchSums, noise: Reals, valid: Flags) -> BandSums:
         orders = self._redundancy.orders
-        counts = self._spectra.bins_per_sum * segments
+        count = len(stretch.products)
+        power = stretch.power
         total = np.where(power[:, :1] > 0, power[:, :1], 1.0)
         at_motion = (power[:, 1:] / total)[:, orders]
         keep = np.outer(valid, valid)
         return BandSums(
-            np.where(keep, products, 0.0),
-            counts,
-            noise**2 * self._spectra.noise_power,
+            np.where(keep, stretch.products, 0.0),
+            self._spectra.bins_per_sum[:count] * stretch.segments,
+            noise**2 * self._spectra.noise_power[:count],
             noise**2 * at_motion,
             valid,
         )
@@ -214,7 +298,7 @@ class Consistency:
     ) -> None:  # fmt: skip
         """Look for hum in the newest chunk; it counts if the chunks before had it too."""
         chunk = self._chunks[-1]
-        every = self._sums(chunk.products, chunk.power, len(chunk.means), noise, chunk.valid)
+        every = self._sums(sums_of(chunk), noise, chunk.valid)
         lines: dict[int, dict[float, tuple[float, set[int]]]] = {}
         limits = np.zeros(len(used))
         for i, frequency in enumerate(self._spectra.lines):
@@ -296,7 +380,7 @@ class Consistency:
             channel, condition = fault
             # Also hum and drift are not told of a channel with another sign or gain.
             replaced = any((channel, other) in shown for other in RELATED)
-            self._right[fault] = self._right.get(fault, 0) + 1 if fault in right else 0
+            self._right[fault] = self._right.get(fault, 0) + (fault in right)
             if replaced or self._right[fault] >= EVALUATIONS_TO_CLEAR:
                 del self._standing[fault], self._right[fault]
         for (channel, condition), (amount, unit, sentence) in shown.items():
@@ -304,8 +388,10 @@ class Consistency:
             self._right.pop((channel, condition), None)
             self._standing[channel, condition] = Finding(
                 self._layout.sensors[channel].name, condition,
-                before.first_index if before else first, last, amount, unit, sentence,
+                before.first_index if before else self._seen_from.get((channel, condition), first),
+                last, amount, unit, sentence,
             )  # fmt: skip
+        self._seen_from.clear()
 
 
 def _part(sums: BandSums, which: slice) -> BandSums:

@@ -6,7 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from identnl_ros.core.measurement.layout import Layout, SensorKind
 from identnl_ros.core.quality.condition import Condition
+import numpy as np
 
+# Errors of a direction that one does not see when mounting a sensor [rad].
+LARGEST_TURN = float(np.radians(5.0))
 # Names in a list, before the rest is counted.
 MOST_NAMES = 3
 
@@ -31,6 +34,8 @@ class Sentences:
         factor: float,
         deviation: float,
         rivals: Sequence[int],
+        turned: float,
+        both: Sequence[int] = (),
     ) -> str:
         """
         Describe a wrong sign or gain.
@@ -44,20 +49,32 @@ class Sentences:
             Reading over what the others say, its standard deviation.
         rivals : sequence of int
             Channels that could be the wrong one as well.
+        turned : float
+            Error of the sensor's direction that has the same effect [rad].
+        both : sequence of int
+            Two channels that, both wrong, would explain the readings as well.
 
         Returns
         -------
         str
 
         """
+        who = self._suspects(channel, rivals)
+        if both:
+            who = f'{who} (or {" and ".join(self._sensors[one].name for one in both)}, both)'
         seen = (
-            f'{self._suspects(channel, rivals)}: reads {factor:.2f} +- '
+            f'{who}: reads {factor:.2f} +- '
             f'{max(deviation, 0.005):.2f} times what {self._others(channel, rivals)} say'
         )
         if condition is Condition.INVERTED:
             return (
                 f'{seen}: polarity is inverted; change its direction in the layout or turn its '
                 'cable'
+            )
+        if turned < LARGEST_TURN:
+            return (
+                f'{seen}: the gain is wrong, or the direction by {np.degrees(turned):.0f} '
+                'degrees; check gain, unit, range and direction in the layout'
             )
         return f'{seen}: the gain is wrong; check gain, unit and range in the layout'
 
@@ -77,10 +94,16 @@ class Sentences:
 
         """
         name = self._sensors[other].name
-        doubt = ' (or both have the wrong polarity)' if both_inverted else ''
+        own = self._sensors[channel].name
+        if both_inverted:
+            return (
+                f'{own}: exchanged with {name}, or {own} and {name} both have the wrong polarity: '
+                'the readings fit both; compare the cables with the layout, or repeat with motion '
+                'of more frequencies or directions'
+            )
         return (
-            f'{self._sensors[channel].name}: has the readings of {name}, and {name} has its'
-            f'{doubt}: the two are exchanged; exchange the cables, or the columns in the layout'
+            f'{own}: has the readings of {name}, and {name} has its: the two are exchanged; '
+            'exchange the cables, or the columns in the layout'
         )
 
     def hum(self, channel: int, lines: Mapping[float, float], rivals: Sequence[int]) -> str:

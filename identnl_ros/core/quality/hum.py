@@ -78,7 +78,7 @@ def hum_at(
     """
     motion = motion_at_sensors(redundancy, line.at)
     variance = np.maximum(line.at.noise + USUAL_MISMATCH**2 * motion, TINY)
-    groups = redundancy.groups(redundancy.rows)
+    groups = redundancy.sets
     share = np.maximum(LEAST_OF_MOTION, mismatch) ** 2
     remaining = used.copy()
     rivals: dict[int, tuple[int, ...]] = {}

@@ -71,7 +71,7 @@ def leave_one_out(rows: Reals, variance: Reals, used: Flags) -> LeaveOneOut:
     inverse = inverse / scale[:, :, np.newaxis] / scale[:, np.newaxis, :]
     fit = inverse @ np.swapaxes(weighted, 1, 2)
     fitted = rows @ fit
-    spread = np.einsum('ip,bpq,iq->bi', rows, inverse, rows, optimize=True)
+    spread = ((rows @ inverse) * rows).sum(axis=2)
     leverage = np.where(used, np.einsum('bii->bi', fitted), 0.0)
     sizes = rows * scale[:, np.newaxis, :]
     lost = np.linalg.norm(sizes @ unseen, axis=2) > 1e-5 * np.linalg.norm(sizes, axis=2)

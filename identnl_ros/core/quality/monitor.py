@@ -85,6 +85,9 @@ class QualitySummary:
         former, those that are new but come after the one that ends the stream.
     findings : tuple of Finding
         All faults so far, one for every channel and condition.
+    gain_limits : dict of str to (float, float)
+        Relative error of every checked channel's gain that would have been found, and named
+        alone, with a probability of 99 %; infinite: none. Empty without a model.
 
     """
 
@@ -95,6 +98,7 @@ class QualitySummary:
     foreign_blocks: int
     blocks_after_end: int
     findings: tuple[Finding, ...]
+    gain_limits: dict[str, tuple[float, float]]
 
 
 class QualityMonitor:
@@ -264,6 +268,7 @@ class QualityMonitor:
             foreign_blocks=self.follower.foreign_blocks,
             blocks_after_end=self.follower.blocks_after_end,
             findings=(*self._record.findings(), *self._inconsistencies.values()),
+            gain_limits=self._gain_limits(),
         )
 
     def _begin(self) -> None:
@@ -374,6 +379,13 @@ class QualityMonitor:
 
     def _inconsistent(self) -> tuple[Finding, ...]:
         return () if self._consistency is None else self._consistency.findings()
+
+    def _gain_limits(self) -> dict[str, tuple[float, float]]:
+        watch = self._consistency
+        if watch is None:
+            return {}
+        limits = watch.least_gain_limits
+        return {name: limits[name] for name, others in watch.checkable.items() if others}
 
     def _new_inconsistent(self) -> tuple[Finding, ...]:
         """Tell those that did not stand before."""

@@ -3,6 +3,7 @@
 """What the sensors of a layout have in common: which channel can be checked against which."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from identnl_ros.core.errors import LayoutError
 from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
@@ -43,6 +44,11 @@ class Redundancy:
     nearby: Reals
     orders: NDArray[np.int64]
     kinds: NDArray[np.int64]
+
+    @cached_property
+    def sets(self) -> NDArray[np.int64]:
+        """Sets of channels that check each other, as `groups` numbers them."""
+        return self.groups(self.rows)
 
     def groups(self, rows: Reals) -> NDArray[np.int64]:
         """

@@ -265,10 +265,11 @@ class Clock:
         """
         interval = 1 / (self.rate or 1.0)
         found = np.diff(times)
-        counts = np.clip(np.rint(found / interval), 1, LONGEST_GAP)
-        rounding = self.rounding(times[1:])
         # Where the times are printed too coarsely to tell, nothing is missing.
-        counts[np.abs(found - interval) <= rounding + TIME_TOLERANCE * interval] = 1
+        single = np.abs(found - interval) <= self.rounding(times[1:]) + TIME_TOLERANCE * interval
+        if single.all():
+            return np.ones(len(found), np.int64)
+        counts = np.where(single, 1, np.clip(np.rint(found / interval), 1, LONGEST_GAP))
         self.require(table, row, times, counts)
         return np.asarray(counts, np.int64)
 
@@ -376,6 +377,8 @@ class Timeline:
             assert clock.rate is not None
             found = time * clock.unit - clock.first
             expected = self._passed / clock.rate
+            if abs(found - expected) <= self._tolerance * expected:
+                continue
             # Rounded is the difference of the ends, and what is missing in every gap.
             ends = (1 + self._gaps) * float(clock.rounding(np.array([time * clock.unit]))[0])
             if not abs(found - expected) <= ends + self._tolerance * expected:

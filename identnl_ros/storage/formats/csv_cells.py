@@ -145,11 +145,11 @@ class RowReader:
         """Put points for commas where nothing speaks against it."""
         if self._mark == POINT or not picked:
             return picked
-        text = '\n'.join(picked)
+        text = ';'.join(picked)  # the last cell ends with the line
         if self._mark == UNDECIDED and '.' not in text and ',' not in text:
             return picked
         if self._mark == COMMA and '.' not in text:
-            return text.replace(',', '.').split('\n')
+            return text.replace(',', '.').split(';')
         raise ValueError('one by one')
 
     def _number(self, cell: str, line: int) -> float:

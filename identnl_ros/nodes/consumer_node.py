@@ -26,7 +26,7 @@ from rclpy.serialization import serialize_message
 
 QUIET_TIME = 0.2  # [s] nothing for so long from nobody: all has arrived
 LONGEST_QUIET = 2.0  # [s] nothing for so long, though somebody is there
-GRACE_NS = NANOSECONDS  # what a source publishes later is not waited for
+GRACE_NS = 2 * NANOSECONDS  # what a source publishes later is not waited for
 DESCRIPTIONS_KEPT = 8
 
 MACHINE_FILE = Setting(

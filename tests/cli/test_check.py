@@ -88,7 +88,7 @@ def test_what_all_channels_have_in_common_is_told_once(identnl, config, tmp_path
     identnl('import', tmp_path / 'a.csv', '--layout', layout, '--out', bag)
     result = identnl('check', bag)
     (told,) = [line for line in result.stdout.splitlines() if 'without a valid' in line]
-    assert told.startswith('  problem: all channels: 500 samples without a valid number from ')
+    assert told.startswith('  problem: all channels: 500 samples without a valid number ')
     assert 'no valid sample for long' not in result.stdout
     (left_out,) = [line for line in result.stdout.splitlines() if 'left out' in line]
     # 0.1 s, but for the last one, until the channels are trusted again.

@@ -261,7 +261,8 @@ def _search(spectra: Sequence[CrossSpectra], state: SensorState, fit: _Fit) -> L
         fit.lost = {fit.free[i]: TOGETHER for i in together}
         step, covariance, shares = references.step(whole, told)
         units = np.array([fit.delay_unit if one[1] == DELAY else 1.0 for one in fit.free])
-        errors = np.sqrt(np.diag(covariance))
+        # Of what is not told, rounding leaves a variance of either sign.
+        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         fit.covariance = covariance * np.outer(units, units)
         fit.shares = shares * units[:, np.newaxis]
         state.moved(fit.free, step[: len(units)] * units)

@@ -10,10 +10,11 @@ from identnl_ros.core.measurement.layout import Layout, Sensor, SensorKind
 from identnl_ros.core.measurement.measured_record import MeasuredRecord
 from identnl_ros.core.measurement.observation import sensor_matrix
 from identnl_ros.core.mechanics.assembly import assemble
+from identnl_ros.core.quality.channel_comparison import BandSums
 from identnl_ros.core.quality.condition import Condition
 from identnl_ros.core.quality.consistency import Consistency
 from identnl_ros.core.quality.consistency_spectra import bridged, CORRELATED, Spectra
-from identnl_ros.core.quality.contradictions import BandSums, Contradictions
+from identnl_ros.core.quality.contradictions import Contradictions
 from identnl_ros.core.quality.equal_pairs import pair_drops
 from identnl_ros.core.quality.gain_limits import gain_limits
 from identnl_ros.core.quality.leave_one_out import leave_one_out

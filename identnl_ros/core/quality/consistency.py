@@ -9,10 +9,11 @@ from dataclasses import replace
 from identnl_ros.core.errors import DataError
 from identnl_ros.core.measurement.layout import Layout
 from identnl_ros.core.mechanics.model import Model
+from identnl_ros.core.quality.channel_comparison import BandSums, Gains, MISMATCHES
 from identnl_ros.core.quality.condition import Condition, Finding
 from identnl_ros.core.quality.consistency_sentences import Sentences
 from identnl_ros.core.quality.consistency_spectra import Chunk, Spectra, WINDOW
-from identnl_ros.core.quality.contradictions import BandSums, Contradictions, Gains, MISMATCHES
+from identnl_ros.core.quality.contradictions import Contradictions
 from identnl_ros.core.quality.drift import drift_in
 from identnl_ros.core.quality.gain_limits import gain_limits
 from identnl_ros.core.quality.hum import hum_at, LineSums

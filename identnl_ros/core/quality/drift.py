@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drift: zero points that wander while those of the other channels of the kind do not."""
 
-from identnl_ros.core.quality.contradictions import TINY
+from identnl_ros.core.quality.channel_comparison import TINY
 from identnl_ros.core.quality.leave_one_out import Flags, leave_one_out, Reals
 from identnl_ros.core.quality.redundancy import most_suspect, Redundancy, Suspect
 import numpy as np

@@ -4,7 +4,8 @@
 
 from dataclasses import dataclass, replace
 
-from identnl_ros.core.quality.contradictions import EQUAL_EVIDENCE, Gains
+from identnl_ros.core.quality.channel_comparison import Gains
+from identnl_ros.core.quality.contradictions import EQUAL_EVIDENCE
 from identnl_ros.core.quality.leave_one_out import Reals
 from identnl_ros.core.quality.redundancy import EQUAL_SHARE
 import numpy as np

@@ -4,13 +4,8 @@
 
 from dataclasses import dataclass
 
-from identnl_ros.core.quality.contradictions import (
-    BandSums,
-    compared,
-    motion_at_sensors,
-    TINY,
-    USUAL_MISMATCH,
-)
+from identnl_ros.core.quality.channel_comparison import BandSums, compared, motion_at_sensors, TINY
+from identnl_ros.core.quality.contradictions import USUAL_MISMATCH
 from identnl_ros.core.quality.leave_one_out import Flags, leave_one_out, Reals
 from identnl_ros.core.quality.redundancy import most_suspect, Redundancy, Suspect
 import numpy as np

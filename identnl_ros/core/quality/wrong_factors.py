@@ -4,9 +4,10 @@
 
 from collections.abc import Mapping
 
+from identnl_ros.core.quality.channel_comparison import Gains
 from identnl_ros.core.quality.condition import Condition
 from identnl_ros.core.quality.consistency_sentences import Sentences
-from identnl_ros.core.quality.contradictions import Contradictions, Gains, LEAST_COHERENCE
+from identnl_ros.core.quality.contradictions import Contradictions, LEAST_COHERENCE
 import numpy as np
 from numpy.typing import NDArray
 
